@@ -1,0 +1,1 @@
+"""Large-sliding frictional contact between the skin and the socket: numpy on the interface."""

@@ -1,0 +1,319 @@
+"""The contact interface of a distributed mesh: skin quadrature points against the socket's face."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.contact import nitsche
+from calfsocket.contact.nitsche import ContactParameters, ContactState, SkinPoints
+from calfsocket.contact.projection import EdgeChain, order_chain, shape_functions
+
+FloatArray = NDArray[np.float64]
+
+GAUSS_POINTS = 4
+"""Quadrature points on a skin edge; 3 and 4 give the same contact pressure."""
+
+PATTERN_REACH = 1.5
+"""Slip in mm for which the matrix pattern is laid out ahead."""
+
+CONSTRAINT_STIFFNESS = 10.0
+"""Stiffness of contact in MPa/mm for counting negative modes; 1 to 1000 give the same count."""
+
+
+def edge_parameters() -> FloatArray:
+    """Gauss points of a skin edge in its own parameter, -1 to 1; (GAUSS_POINTS,)."""
+    return np.polynomial.legendre.leggauss(GAUSS_POINTS)[0]
+
+
+# Vertices and mid-side node of each edge of the reference triangle, and its direction.
+_EDGE_VERTICES = np.array([[1, 2], [0, 2], [0, 1]])
+_EDGE_DIRECTION = np.array([[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Face:
+    """Boundary edges of owned cells on this rank.
+
+    Attributes
+    ----------
+    entities : (m, 2)
+        Cell and local facet.
+    nodes : (m, 3, 2)
+        Undeformed vertices and mid-side node, in mm.
+    dofs : (m, 3, 2)
+        Local index of each node's displacement components.
+    """
+
+    entities: NDArray[np.int32]
+    nodes: FloatArray
+    dofs: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, V: fem.FunctionSpace, facet_tags: mesh.MeshTags, tag: int) -> "Face":
+        """Collect the edges with a facet tag."""
+        domain = V.mesh
+        domain.topology.create_connectivity(1, 2)
+        domain.topology.create_connectivity(2, 1)
+        facet_to_cell = domain.topology.connectivity(1, 2)
+        cell_to_facet = domain.topology.connectivity(2, 1)
+        owned = domain.topology.index_map(2).size_local
+        pairs = []
+        for facet in facet_tags.find(tag):
+            cell = facet_to_cell.links(facet)[0]
+            if cell < owned:
+                pairs.append((cell, np.flatnonzero(cell_to_facet.links(cell) == facet)[0]))
+        entities = np.array(pairs, dtype=np.int32).reshape(-1, 2)
+        cells, local = entities[:, 0], entities[:, 1]
+        # Order-2 geometry: nodes 0-2 are the vertices, 3-5 the mid-sides opposite to them.
+        local_nodes = np.column_stack([_EDGE_VERTICES[local], 3 + local])
+        geometry_nodes = np.take_along_axis(domain.geometry.dofmap[cells], local_nodes, axis=1)
+        layouts = [V.sub(0).sub(c).dofmap.dof_layout for c in range(2)]
+        closure = np.array(
+            [
+                [
+                    [layout.entity_dofs(0, v)[0] for layout in layouts]
+                    for v in _EDGE_VERTICES[facet]
+                ]
+                + [[layout.entity_dofs(1, facet)[0] for layout in layouts]]
+                for facet in range(3)
+            ]
+        )
+        component = [V.sub(0).sub(c).dofmap for c in range(2)]
+        dofs = np.empty((len(cells), 3, 2), dtype=np.int32)
+        for row, (cell, facet) in enumerate(entities):
+            for c in range(2):
+                dofs[row, :, c] = component[c].cell_dofs(cell)[closure[facet, :, c]]
+        return cls(entities, domain.geometry.x[geometry_nodes][:, :, :2], dofs)
+
+
+class ContactInterface:
+    """Frictional contact between skin and socket, on the communicator of the mesh.
+
+    Every rank holds the skin points of its own cells and a copy of the whole socket face, which is a
+    curve of some hundred edges.
+
+    Parameters
+    ----------
+    w : fem.Function
+        Mixed unknowns; sub-space 0 is the displacement in mm.
+    first_piola : ufl expression, (2, 2)
+        First Piola-Kirchhoff stress of the skin in MPa, as a function of `w`.
+    facet_tags : MeshTags
+        Tags of the boundary edges.
+    skin_tag, socket_tag : int
+        Tags of the skin surface and of the socket's inner face.
+    constrained : (n,) bool
+        Dirichlet markers of the local degrees of freedom, ghosts included.
+    parameters : ContactParameters
+        Friction and Nitsche stiffness.
+
+    Attributes
+    ----------
+    load : float
+        Share of the overclosure that is released, 0 to 1.
+    """
+
+    def __init__(
+        self,
+        w: fem.Function,
+        first_piola: Any,
+        facet_tags: mesh.MeshTags,
+        skin_tag: int,
+        socket_tag: int,
+        constrained: NDArray[np.bool_],
+        parameters: ContactParameters,
+    ) -> None:
+        V = w.function_space
+        domain = V.mesh
+        self.load = 0.0
+        self.parameters = parameters
+        self.skin = Face.of(V, facet_tags, skin_tag)
+        self._comm = domain.comm
+        self._w = w
+        self._mesh = domain
+        self._entities = self.skin.entities.ravel()
+        self._set_up_socket(Face.of(V, facet_tags, socket_tag), constrained)
+
+        on_edge = 0.5 * (edge_parameters() + 1)[:, None]
+        self._stress = fem.Expression(first_piola, on_edge, comm=self._comm)
+        trial = ufl.TrialFunction(V)
+        self._d_stress = fem.Expression(
+            ufl.derivative(first_piola, w, trial), on_edge, comm=self._comm
+        )
+        self.points, self._normal = self._skin_points(on_edge)
+        cell_dofs = np.array(
+            [V.dofmap.cell_dofs(c) for c in self.skin.entities[:, 0]], dtype=np.int32
+        ).reshape(-1, self.points.shape.shape[2])
+        rows = _global(V.dofmap.index_map, cell_dofs)
+        rows[constrained[cell_dofs]] = -1
+        self._skin_rows = np.repeat(rows, GAUSS_POINTS, axis=0)
+
+        position = self.deformed_points()
+        start = self.chain.project(position, self._socket_displacement())
+        gap = np.sum((position - start.point) * start.normal, axis=1)
+        self._initial_overclosure = np.minimum(gap, 0.0)
+        self._converged_arc = start.arc
+
+    # -- geometry -------------------------------------------------------------------------------
+
+    def _set_up_socket(self, face: Face, constrained: NDArray[np.bool_]) -> None:
+        """Share the socket's edges with all ranks and string them to one chain."""
+        index_map = self._w.function_space.dofmap.index_map
+        rows = _global(index_map, face.dofs)
+        rows[constrained[face.dofs]] = -1  # PETSc ignores negative rows and columns
+        nodes = np.concatenate(self._comm.allgather(face.nodes))
+        rows = np.concatenate(self._comm.allgather(rows))
+        self._order, flipped = order_chain(nodes)
+        self._node_order = np.where(flipped[:, None], [1, 0, 2], [0, 1, 2])
+        self.chain = EdgeChain.from_edges(self._along_chain(nodes))
+        self._socket_rows = self._along_chain(rows).reshape(-1, 6)
+        self._socket_face = face
+
+    def _along_chain(self, edge_values: NDArray[Any]) -> NDArray[Any]:
+        """Sort (n_edges, 3, 2) values of loose edges along the chain."""
+        return np.take_along_axis(edge_values[self._order], self._node_order[:, :, None], axis=1)
+
+    def _socket_displacement(self) -> FloatArray:
+        """Displacement of the chain's nodes on every rank, in mm; (n_edges, 3, 2)."""
+        mine = np.ascontiguousarray(self._w.x.array[self._socket_face.dofs])
+        counts = np.array(self._comm.allgather(mine.size))
+        everyone = np.empty(counts.sum())
+        self._comm.Allgatherv(mine, [everyone, counts])
+        return self._along_chain(everyone.reshape(-1, 3, 2))
+
+    def _skin_points(self, on_edge: FloatArray) -> tuple[SkinPoints, FloatArray]:
+        """Quadrature points of this rank's skin and their outward normals (n, 2)."""
+        domain, entities = self._mesh, self.skin.entities
+
+        def at_points(expression: Any) -> FloatArray:
+            return self._evaluate(fem.Expression(expression, on_edge, comm=self._comm))
+
+        reference = at_points(ufl.SpatialCoordinate(domain)).reshape(-1, 2)
+        jacobian = at_points(ufl.Jacobian(domain)).reshape(-1, 2, 2)
+        shape = at_points(ufl.TestFunctions(self._w.function_space)[0])
+        direction = np.repeat(_EDGE_DIRECTION[entities[:, 1]], GAUSS_POINTS, axis=0)
+        along = np.einsum("ncd,nd->nc", jacobian, direction)
+        length = np.linalg.norm(along, axis=1)
+        weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)[1]
+        points = SkinPoints(
+            reference=reference,
+            weight=np.tile(0.5 * weights, len(entities)) * length,
+            shape=shape.reshape(-1, 2, self._w.function_space.element.space_dimension),
+        )
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
+        # Which side is out depends on the facet and on the cell's orientation: the vertex opposite
+        # to the edge (of the same local number) is inside.
+        opposite = domain.geometry.dofmap[entities[:, 0], entities[:, 1]]
+        inside = np.repeat(domain.geometry.x[opposite, :2].reshape(-1, 2), GAUSS_POINTS, axis=0)
+        inward = np.sum(normal * (inside - reference), axis=1) > 0
+        return points, np.where(inward[:, None], -normal, normal)
+
+    def deformed_points(self) -> FloatArray:
+        """Deformed skin points of this rank, in mm; (n, 2)."""
+        values = shape_functions(edge_parameters())[0]
+        moved = np.einsum("qa,mac->mqc", values, self._w.x.array[self.skin.dofs])
+        return self.points.reference + moved.reshape(-1, 2)
+
+    def _evaluate(self, expression: fem.Expression) -> FloatArray:
+        """Evaluate on the skin's edges; one row an edge."""
+        return expression.eval(self._mesh, self._entities)
+
+    # -- contact --------------------------------------------------------------------------------
+
+    def nominal_traction(self) -> FloatArray:
+        """T = P N of the skin at its points, in MPa; (n, 2)."""
+        stress = self._evaluate(self._stress).reshape(-1, 2, 2)
+        return np.einsum("ncd,nd->nc", stress, self._normal)
+
+    def state(self, nominal_traction: FloatArray | None = None) -> ContactState:
+        """Contact at the present unknowns and load (collective)."""
+        if nominal_traction is None:
+            nominal_traction = self.nominal_traction()
+        position = self.deformed_points()
+        projection = self.chain.project(position, self._socket_displacement())
+        return nitsche.contact_state(
+            position,
+            nominal_traction,
+            projection,
+            (1.0 - self.load) * self._initial_overclosure,
+            self.chain.slip(projection.arc, self._converged_arc),
+            self.parameters,
+        )
+
+    def accept(self) -> None:
+        """Make the present positions the ones from which slip counts (collective)."""
+        self._converged_arc = self.state().projection.arc
+
+    @property
+    def history(self) -> FloatArray:
+        """Arc lengths from which slip counts, in mm; set it to go back to an earlier step."""
+        return self._converged_arc
+
+    @history.setter
+    def history(self, arc: FloatArray) -> None:
+        self._converged_arc = arc
+
+    # -- assembly -------------------------------------------------------------------------------
+
+    def add_residual(self, b: PETSc.Vec) -> ContactState:
+        """Add the contact residual to an assembled vector (collective)."""
+        state = self.state()
+        skin, socket = nitsche.residual(self.points, state)
+        b.setValues(self._skin_rows, skin, addv=PETSc.InsertMode.ADD_VALUES)
+        b.setValues(
+            self._socket_rows[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
+        )
+        b.assemble()
+        return state
+
+    def add_tangent(self, A: PETSc.Mat) -> None:
+        """Add the contact tangent to a matrix that is being assembled (collective)."""
+        nominal = self.nominal_traction()
+        state = self.state(nominal)
+        n = len(nominal)
+        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, -1)
+        d_nominal = np.einsum("ncdk,nd->nck", d_stress, self._normal)
+        self._insert(
+            A,
+            state,
+            nitsche.tangent(self.points, state, nominal, d_nominal, self.parameters),
+        )
+
+    def add_constraint_tangent(self, A: PETSc.Mat) -> None:
+        """Add contact as a constraint, for counting negative modes (collective)."""
+        state = self.state()
+        self._insert(
+            A, state, nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS)
+        )
+
+    def _insert(self, A: PETSc.Mat, state: ContactState, blocks: FloatArray) -> None:
+        """Add one block a skin point to the matrix."""
+        rows = np.concatenate(
+            [self._skin_rows, self._socket_rows[state.projection.edge]], axis=1
+        )
+        for indices, block in zip(rows, blocks, strict=True):
+            A.setValues(indices, indices, block, addv=PETSc.InsertMode.ADD_VALUES)
+
+    def add_pattern(self, A: PETSc.Mat) -> None:
+        """Insert zeros wherever contact may couple within `PATTERN_REACH` of slip (collective)."""
+        edge = self.state().projection.edge.reshape(-1, GAUSS_POINTS)
+        n_edges = len(self.chain.start)
+        ahead = int(np.ceil(PATTERN_REACH * n_edges / self.chain.circumference))
+        for rows, edges in zip(self._skin_rows[::GAUSS_POINTS], edge, strict=True):
+            window = np.unique((edges[:, None] + np.arange(-ahead, ahead + 1)) % n_edges)
+            columns = np.unique(self._socket_rows[window])
+            zeros = np.zeros((len(rows), len(columns)))
+            A.setValues(rows, columns, zeros, addv=PETSc.InsertMode.ADD_VALUES)
+            A.setValues(columns, rows, zeros.T, addv=PETSc.InsertMode.ADD_VALUES)
+
+
+def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
+    """Global indices of local ones, in the same shape, of PETSc's integer type."""
+    return index_map.local_to_global(local.ravel()).reshape(local.shape).astype(PETSc.IntType)
+
+

@@ -1,0 +1,264 @@
+"""Nitsche's method for frictional contact, biased to the skin: residual and exact tangent.
+
+At a quadrature point of the skin with deformed position x, nominal traction T = P N and closest
+point y of the socket (tangent e, normal n into the limb), with gap g = (x - y) . n (>= 0 open) and
+slip s since the last converged load step:
+
+    trial pressure   T . n - gamma (g - (1 - load) min(g0, 0))
+    trial shear      T . e - gamma_t s
+
+Coulomb's projection of the two gives the contact traction t = p n + q e on the skin, and minus it on
+the socket. The incomplete variant (theta = 0) has no term with the variation of T:
+
+    R(v) = - int_skin t . (v_skin(X) - v_socket(xi)) dS.
+
+At an exact solution T = t, so the method is consistent for any gamma > 0 (Chouly, Hild and Renard
+2015, doi:10.1090/S0025-5718-2014-02913-X; Mlika, Renard and Chouly 2017,
+doi:10.1016/j.cma.2017.05.015). The shrink fit subtracts the part (1 - load) of each point's initial
+overclosure g0 < 0, so that load = 0 is stress free and load = 1 leaves no overclosure.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calfsocket.contact.friction import ContactTraction, coulomb
+from calfsocket.contact.projection import Projection, shape_functions
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContactParameters:
+    """Numbers of the contact method.
+
+    Attributes
+    ----------
+    fric_coeff : float
+        Coefficient of friction (paper, section 2.3).
+    gamma, gamma_t : float
+        Normal and tangential Nitsche stiffness in MPa/mm. The solution does not depend on them;
+        the number of Newton iterations does.
+    """
+
+    fric_coeff: float = 0.4
+    gamma: float = 1.0
+    gamma_t: float = 0.5
+
+
+@dataclass(frozen=True)
+class SkinPoints:
+    """Skin quadrature points: what does not change with the deformation.
+
+    Attributes
+    ----------
+    reference : (n, 2)
+        Undeformed position, in mm.
+    weight : (n,)
+        Quadrature weight times undeformed edge length element, in mm.
+    shape : (n, 2, k)
+        Displacement of the point per unit of each of the k unknowns of its cell.
+    """
+
+    reference: FloatArray
+    weight: FloatArray
+    shape: FloatArray
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """Contact at every skin quadrature point.
+
+    Attributes
+    ----------
+    projection : Projection
+        Closest points on the socket.
+    gap : (n,)
+        Gap in mm, >= 0 open, before the shrink fit's share is taken off.
+    reduced_gap : (n,)
+        gap - (1 - load) min(initial gap, 0), in mm.
+    slip : (n,)
+        Slip since the last converged step, in mm.
+    traction : ContactTraction
+        Contact pressure and shear.
+    """
+
+    projection: Projection
+    gap: FloatArray
+    reduced_gap: FloatArray
+    slip: FloatArray
+    traction: ContactTraction
+
+
+def contact_state(
+    position: FloatArray,
+    nominal_traction: FloatArray,
+    projection: Projection,
+    closing: FloatArray,
+    slip: FloatArray,
+    parameters: ContactParameters,
+) -> ContactState:
+    """Contact pressure, shear and status from the skin's traction, gap and slip.
+
+    Parameters
+    ----------
+    position : (n, 2)
+        Deformed skin points, in mm.
+    nominal_traction : (n, 2)
+        T = P N of the skin, in MPa, pressure part included.
+    projection : Projection
+        Their closest points.
+    closing : (n,)
+        The shrink fit's part of the gap, (1 - load) min(initial gap, 0), in mm.
+    slip : (n,)
+        Slip since the last converged step, in mm.
+    parameters : ContactParameters
+        Friction and Nitsche stiffness.
+    """
+    gap = np.sum((position - projection.point) * projection.normal, axis=1)
+    reduced_gap = gap - closing
+    trial_pressure = (
+        np.sum(nominal_traction * projection.normal, axis=1) - parameters.gamma * reduced_gap
+    )
+    trial_shear = np.sum(nominal_traction * projection.tangent, axis=1) - parameters.gamma_t * slip
+    traction = coulomb(trial_pressure, trial_shear, parameters.fric_coeff)
+    return ContactState(projection, gap, reduced_gap, slip, traction)
+
+
+def residual(points: SkinPoints, state: ContactState) -> tuple[FloatArray, FloatArray]:
+    """Contact part of the residual at each point.
+
+    Returns
+    -------
+    skin : (n, k)
+        Entries for the unknowns of the point's skin cell, in N/mm.
+    socket : (n, 3, 2)
+        Entries for the displacements of the socket edge's nodes, in N/mm.
+    """
+    traction = points.weight[:, None] * _traction_vector(state)
+    skin = -np.einsum("nck,nc->nk", points.shape, traction)
+    socket = np.einsum("na,nc->nac", shape_functions(state.projection.xi)[0], traction)
+    return skin, socket
+
+
+def tangent(
+    points: SkinPoints,
+    state: ContactState,
+    nominal_traction: FloatArray,
+    d_nominal_traction: FloatArray,
+    parameters: ContactParameters,
+) -> FloatArray:
+    """Exact derivative of `residual`: projection, normal, tangent and T all vary.
+
+    Parameters
+    ----------
+    points, state
+        As in `residual`.
+    nominal_traction : (n, 2)
+        T in MPa.
+    d_nominal_traction : (n, 2, k)
+        Derivative of T with respect to the k unknowns of the skin cell.
+    parameters : ContactParameters
+        Friction and Nitsche stiffness.
+
+    Returns
+    -------
+    (n, k + 6, k + 6)
+        Rows and columns: the k unknowns of the skin cell, then the socket edge's nodes with their
+        two components each.
+    """
+    at, law = state.projection, state.traction
+    n, _, k = points.shape.shape
+    values, d_values, _ = shape_functions(at.xi)
+    identity = np.eye(2)
+
+    # Variations as row vectors over the k + 6 unknowns: of x - y, of y' at fixed xi, of T.
+    d_offset = np.zeros((n, 2, k + 6))
+    d_offset[:, :, :k] = points.shape
+    d_offset[:, :, k:] = -np.einsum("na,cd->ncad", values, identity).reshape(n, 2, 6)
+    d_first = np.zeros((n, 2, k + 6))
+    d_first[:, :, k:] = np.einsum("na,cd->ncad", d_values, identity).reshape(n, 2, 6)
+    d_nominal = np.zeros((n, 2, k + 6))
+    d_nominal[:, :, :k] = d_nominal_traction
+
+    # Closest point: (x - y) . y' = 0 stays true. At it, x - y = gap n.
+    offset = state.gap[:, None] * at.normal
+    slope = np.sum(offset * at.second, axis=1) - np.sum(at.first**2, axis=1)
+    d_xi = -(_rows(at.first, d_offset) + _rows(offset, d_first)) / slope[:, None]
+    # Rotation of the socket's tangent: de = n turn, dn = - e turn.
+    stretch = np.linalg.norm(at.first, axis=1)
+    d_first_total = d_first + at.second[:, :, None] * d_xi[:, None, :]
+    turn = _rows(at.normal, d_first_total) / stretch[:, None]
+
+    nominal_n = np.sum(nominal_traction * at.normal, axis=1)
+    nominal_e = np.sum(nominal_traction * at.tangent, axis=1)
+    d_trial_pressure = (
+        _rows(at.normal, d_nominal)
+        - nominal_e[:, None] * turn
+        - parameters.gamma * _rows(at.normal, d_offset)
+    )
+    d_trial_shear = (
+        _rows(at.tangent, d_nominal)
+        + nominal_n[:, None] * turn
+        - parameters.gamma_t * at.darc[:, None] * d_xi
+    )
+    d_pressure = law.d_pressure[:, None] * d_trial_pressure
+    d_shear = (
+        law.d_shear_pressure[:, None] * d_trial_pressure
+        + law.d_shear_shear[:, None] * d_trial_shear
+    )
+    d_traction = (
+        at.normal[:, :, None] * (d_pressure + law.shear[:, None] * turn)[:, None, :]
+        + at.tangent[:, :, None] * (d_shear - law.pressure[:, None] * turn)[:, None, :]
+    )
+    matrix = -np.einsum("ncr,ncs->nrs", d_offset, d_traction)
+    # The socket's test functions move along the edge with the closest point.
+    moving = np.einsum("na,nc->nac", d_values, _traction_vector(state)).reshape(n, 6)
+    matrix[:, k:, :] += moving[:, :, None] * d_xi[:, None, :]
+    return points.weight[:, None, None] * matrix
+
+
+def constraint_tangent(
+    points: SkinPoints, state: ContactState, stiffness: float
+) -> FloatArray:
+    """Tangent of contact seen as a constraint, for counting the negative modes of an equilibrium.
+
+    The tangent of Nitsche's method will not do: where gamma is below the skin's stiffness over the
+    element size it is indefinite by itself, at stable equilibria too. What decides stability is the
+    stiffness of the tissues on the motions that contact allows, with the contact traction held. So
+    closed points get a stiffness against a change of the gap, sticking points against slip as well,
+    and the traction turns with the socket.
+
+    Parameters
+    ----------
+    points, state
+        As in `residual`, at an equilibrium.
+    stiffness : float
+        Stiffness in MPa/mm, large against that of the tissues.
+
+    Returns
+    -------
+    (n, k + 6, k + 6)
+        As of `tangent`.
+    """
+    n, _, k = points.shape.shape
+    held = replace(state.traction, d_shear_pressure=np.zeros(n))
+    return tangent(
+        points,
+        replace(state, traction=held),
+        nominal_traction=np.zeros((n, 2)),
+        d_nominal_traction=np.zeros((n, 2, k)),
+        parameters=ContactParameters(gamma=stiffness, gamma_t=stiffness),
+    )
+
+
+def _traction_vector(state: ContactState) -> FloatArray:
+    """Traction on the skin, p n + q e, in MPa; (n, 2)."""
+    at, law = state.projection, state.traction
+    return law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
+
+
+def _rows(vector: FloatArray, variation: FloatArray) -> FloatArray:
+    """Contract (n, 2) vectors with (n, 2, m) variations to (n, m)."""
+    return np.einsum("nc,ncm->nm", vector, variation)

@@ -1,0 +1,232 @@
+"""Closest point of a deformed, closed chain of quadratic edges: where skin meets socket."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# An edge of a C2 curve is nearly straight, so Newton on its parameter needs a handful of steps.
+_NEWTON_STEPS = 25
+_NEWTON_TOLERANCE = 1e-14
+_SEARCH_POINTS = np.array([-0.75, -0.25, 0.25, 0.75])
+_ARC_POINTS, _ARC_WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def shape_functions(xi: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Quadratic shape functions of an edge and their first and second derivatives.
+
+    Parameters
+    ----------
+    xi : (n,)
+        Edge parameter, -1 at the first vertex, 1 at the second, 0 at the mid-side node.
+
+    Returns
+    -------
+    N, dN, ddN : (n, 3) each
+        In the order first vertex, second vertex, mid-side node.
+    """
+    one = np.ones_like(xi)
+    values = np.stack([0.5 * xi * (xi - 1), 0.5 * xi * (xi + 1), 1 - xi**2], axis=-1)
+    first = np.stack([xi - 0.5, xi + 0.5, -2 * xi], axis=-1)
+    second = np.stack([one, one, -2 * one], axis=-1)
+    return values, first, second
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Closest points of n skin points on the socket curve.
+
+    Attributes
+    ----------
+    edge : (n,)
+        Edge of the curve.
+    xi : (n,)
+        Parameter on that edge; slightly outside [-1, 1] only where the deformed curve has a kink.
+    point, tangent, normal : (n, 2)
+        Closest point in mm; unit tangent, counter-clockwise along the socket; unit normal, out of
+        the socket and into the limb.
+    first, second : (n, 2)
+        Derivatives of the curve with respect to xi, in mm.
+    arc : (n,)
+        Arc length of the closest point along the *undeformed* socket, in mm: a material
+        coordinate, so that its change is an objective slip.
+    darc : (n,)
+        Derivative of ``arc`` with respect to xi, in mm.
+    """
+
+    edge: IntArray
+    xi: FloatArray
+    point: FloatArray
+    tangent: FloatArray
+    normal: FloatArray
+    first: FloatArray
+    second: FloatArray
+    arc: FloatArray
+    darc: FloatArray
+
+
+@dataclass(frozen=True)
+class EdgeChain:
+    """A closed chain of quadratic edges, counter-clockwise: the socket's inner face, or the skin.
+
+    Attributes
+    ----------
+    reference : (n_edges, 3, 2)
+        Undeformed nodes of each edge in mm: first vertex, second vertex, mid-side node.
+        The second vertex of an edge is the first of the next.
+    start : (n_edges,)
+        Undeformed arc length at each edge's first vertex, in mm.
+    circumference : float
+        Undeformed length of the whole chain, in mm.
+    """
+
+    reference: FloatArray
+    start: FloatArray
+    circumference: float
+
+    @classmethod
+    def from_edges(cls, reference: FloatArray) -> "EdgeChain":
+        """Measure a chain of edges that is already ordered and counter-clockwise."""
+        lengths = _partial_length(reference, np.ones(len(reference)))
+        start = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+        return cls(reference, start, float(lengths.sum()))
+
+    def arc(self, edge: IntArray, xi: FloatArray) -> FloatArray:
+        """Undeformed arc length from the start of the chain to xi on an edge, in mm."""
+        return self.start[edge] + _partial_length(self.reference[edge], xi)
+
+    def project(self, points: FloatArray, displacement: FloatArray) -> Projection:
+        """Project points on the deformed curve.
+
+        Parameters
+        ----------
+        points : (n, 2)
+            Deformed skin points, in mm.
+        displacement : (n_edges, 3, 2)
+            Displacement of the nodes of each edge, in mm.
+
+        Notes
+        -----
+        The closest point solves (x - y(xi)) . y'(xi) = 0. Candidates are the edge with the
+        nearest sample point and its two neighbours. Where the chain of deformed edges has a kink,
+        no edge or two edges may hold the closest point; the extended edge that is overrun least,
+        or the closer one, is taken, so that the projection is smooth on either side of a switch.
+        """
+        nodes = self.reference + displacement
+        samples = np.einsum("sa,eac->esc", shape_functions(_SEARCH_POINTS)[0], nodes)
+        _, nearest = cKDTree(samples.reshape(-1, 2)).query(points)
+        centre = nearest // len(_SEARCH_POINTS)
+        n_edges = len(nodes)
+        candidates = np.stack([centre - 1, centre, centre + 1], axis=1) % n_edges
+        xi, distance = _closest_on_edges(points[:, None, :], nodes[candidates])
+        overrun = np.maximum(np.abs(xi) - 1.0, 0.0)
+        # First the least overrun, then the least distance: both are zero or equal only on ties.
+        order = np.lexsort((distance, overrun), axis=1)[:, 0]
+        rows = np.arange(len(points))
+        edge = candidates[rows, order]
+        return self._describe(edge, xi[rows, order], nodes[edge])
+
+    def _describe(self, edge: IntArray, xi: FloatArray, nodes: FloatArray) -> Projection:
+        values, d_values, dd_values = shape_functions(xi)
+        first = np.einsum("na,nac->nc", d_values, nodes)
+        tangent = first / np.linalg.norm(first, axis=1, keepdims=True)
+        reference = self.reference[edge]
+        return Projection(
+            edge=edge,
+            xi=xi,
+            point=np.einsum("na,nac->nc", values, nodes),
+            tangent=tangent,
+            normal=np.stack([-tangent[:, 1], tangent[:, 0]], axis=1),
+            first=first,
+            second=np.einsum("na,nac->nc", dd_values, nodes),
+            arc=self.arc(edge, xi),
+            darc=np.linalg.norm(np.einsum("na,nac->nc", d_values, reference), axis=1),
+        )
+
+    def slip(self, arc: FloatArray, previous: FloatArray) -> FloatArray:
+        """Signed arc length from `previous` to `arc`, the short way round the chain, in mm."""
+        half = 0.5 * self.circumference
+        return (arc - previous + half) % self.circumference - half
+
+
+def order_chain(edges: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Order loose edges into a closed, counter-clockwise chain that starts at the largest x.
+
+    Parameters
+    ----------
+    edges : (n_edges, 3, 2)
+        Nodes of each edge: two vertices in any order, then the mid-side node, in mm.
+
+    Returns
+    -------
+    order, flipped
+        Edge indices along the chain, and for each whether its two vertices change places.
+
+    Raises
+    ------
+    ValueError
+        If the edges do not form one closed chain.
+    """
+    vertices = edges[:, :2].reshape(-1, 2)
+    scale = np.ptp(vertices, axis=0).max()
+    tree = cKDTree(vertices)
+    pairs = tree.query_pairs(1e-9 * scale, output_type="ndarray")
+    partner = np.full(len(vertices), -1)
+    partner[pairs[:, 0]] = pairs[:, 1]
+    partner[pairs[:, 1]] = pairs[:, 0]
+    if len(pairs) != len(edges) or (partner < 0).any():
+        raise ValueError(f"{len(edges)} edges do not form a closed chain of edges")
+    # The start depends on geometry alone, so that every partition walks the same chain.
+    middle = edges[:, 2]
+    here = 2 * int(np.lexsort((middle[:, 1], -middle[:, 0]))[0])
+    order, flipped = [], []
+    for _ in range(len(edges)):
+        order.append(here // 2)
+        flipped.append(bool(here % 2))
+        here = int(partner[here ^ 1])
+    if len(set(order)) != len(edges):
+        raise ValueError(f"{len(edges)} edges form more than one closed chain")
+    chain = np.array(order)
+    flip = np.array(flipped)
+    polygon = edges[chain, 2]
+    ahead = np.roll(polygon, -1, axis=0)
+    if np.sum(polygon[:, 0] * ahead[:, 1] - ahead[:, 0] * polygon[:, 1]) < 0:
+        # Walk the other way round, from the same edge.
+        chain = np.roll(chain[::-1], 1)
+        flip = np.roll(~flip[::-1], 1)
+    return chain, flip
+
+
+def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Stationary parameter and distance on each candidate edge; shapes (n, k)."""
+    shape = nodes.shape[:-2]
+    xi = np.zeros(shape)
+    for _ in range(_NEWTON_STEPS):
+        values, d_values, dd_values = shape_functions(xi)
+        offset = points - np.einsum("...a,...ac->...c", values, nodes)
+        first = np.einsum("...a,...ac->...c", d_values, nodes)
+        second = np.einsum("...a,...ac->...c", dd_values, nodes)
+        residual = np.sum(offset * first, axis=-1)
+        slope = np.sum(offset * second, axis=-1) - np.sum(first * first, axis=-1)
+        # Beyond its centre of curvature a distant edge has no closest point; it loses anyway.
+        step = -residual / np.where(slope < 0, slope, -np.sum(first * first, axis=-1))
+        xi = np.clip(xi + step, -3.0, 3.0)
+        if np.abs(step).max() < _NEWTON_TOLERANCE:
+            break
+    values = shape_functions(xi)[0]
+    offset = points - np.einsum("...a,...ac->...c", values, nodes)
+    return xi, np.linalg.norm(offset, axis=-1)
+
+
+def _partial_length(edges: FloatArray, xi: FloatArray) -> FloatArray:
+    """Arc length of each edge from its first vertex to xi, in mm (8-point Gauss)."""
+    half = 0.5 * (xi + 1.0)
+    at = -1.0 + half[:, None] * (_ARC_POINTS + 1.0)
+    first = np.einsum("nqa,nac->nqc", shape_functions(at)[1], edges)
+    return half * (np.linalg.norm(first, axis=-1) @ _ARC_WEIGHTS)
+
+

@@ -1,0 +1,256 @@
+"""A case made discrete: mesh, spaces, tissues and contact, as residual and tangent."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.contact.interface import ContactInterface
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.errors import InputError
+from calfsocket.forms import mixed
+from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
+from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.laws import Law, law_fields, law_tags
+from calfsocket.meshes import tags
+from calfsocket.meshes.distributed import SectionMesh
+
+SocketSupport = Literal["floating", "outer-fixed"]
+
+SUPPORT_STIFFNESS = 1e-7
+"""Bedding of a floating socket in N/mm^3, only where there is no friction to stop it turning."""
+
+
+class Model:
+    """Residual and tangent of limb, socket and their contact, in PETSc's terms.
+
+    Parameters
+    ----------
+    section : SectionMesh
+        Limb and socket in one mesh, distributed over a communicator.
+    region_laws : mapping of region name to law
+        The law of each region, "socket" among them.
+    contact : ContactParameters
+        Friction and Nitsche stiffness.
+    socket_support : {"floating", "outer-fixed"}
+        Whether the socket rests on the limb alone, or is held at its outer face.
+
+    Attributes
+    ----------
+    w : fem.Function
+        Displacement (mm) and scaled pressure.
+    contact : ContactInterface
+        The contact pair; its `load` is the load of the model.
+    """
+
+    def __init__(
+        self,
+        section: SectionMesh,
+        region_laws: Mapping[str, Law],
+        contact: ContactParameters | None = None,
+        socket_support: SocketSupport = "floating",
+    ) -> None:
+        contact = contact or ContactParameters()
+        self.section = section
+        self.region_laws = dict(region_laws)
+        domain = section.mesh
+        self.comm: MPI.Comm = domain.comm
+        self.V = fem.functionspace(domain, section_element())
+        self.w = fem.Function(self.V, name="displacement_and_pressure")
+        laws = {section.regions[name]: law for name, law in region_laws.items()}
+        self.fields = law_fields(domain, section.cell_tags, laws)
+        self.law_tags = law_tags(domain, section.cell_tags, laws)
+        dx = mixed.volume_measure(domain, self.law_tags)
+        residual = mixed.residual(self.w, self.fields, dx)
+        tangent = mixed.tangent(self.w, self.fields, dx)
+        if socket_support == "floating" and contact.fric_coeff == 0.0:
+            bedding = self._bedding()
+            residual += bedding * ufl.inner(ufl.split(self.w)[0], ufl.TestFunctions(self.V)[0]) * dx
+            tangent += (
+                bedding * ufl.inner(ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0]) * dx
+            )
+        self._residual = fem.form(residual)
+        self._tangent = fem.form(tangent)
+        self._b = fem_petsc.create_vector(self._residual)
+        held = [tags.TIBIA_MEDULLARY]
+        if socket_support == "outer-fixed":
+            held.append(tags.SOCKET_OUTER)
+        self._fix(held)
+        u, p_dof = ufl.split(self.w)
+        self.contact = ContactInterface(
+            self.w,
+            mixed.first_piola(
+                self._skin_law(), deformation_gradient(u), mixed.pressure(p_dof, self.fields),
+                self.fields,
+            ),
+            section.facet_tags,
+            section.boundaries[tags.SKIN_SURFACE],
+            section.boundaries[tags.SOCKET_INNER],
+            self._constrained,
+            contact,
+        )
+
+    # -- for the solver -------------------------------------------------------------------------
+
+    def create_vector(self) -> PETSc.Vec:
+        """Return a vector of unknowns, zero, without ghosts (collective)."""
+        index_map = self.V.dofmap.index_map
+        x = PETSc.Vec().createMPI((index_map.size_local, index_map.size_global), comm=self.comm)
+        x.set(0.0)
+        return x
+
+    def create_matrix(self) -> PETSc.Mat:
+        """Return a matrix with the pattern of tissues and contact (collective)."""
+        index_map = self.V.dofmap.index_map
+        size = (index_map.size_local, index_map.size_global)
+        A = PETSc.Mat().create(self.comm)
+        A.setSizes((size, size))
+        A.setType(PETSc.Mat.Type.AIJ)
+        ghosted = index_map.local_to_global(
+            np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        )
+        local_to_global = PETSc.LGMap().create(ghosted.astype(PETSc.IntType), comm=self.comm)
+        A.setLGMap(local_to_global, local_to_global)
+        A.setUp()
+        # Contact may leave the pattern laid out for it when the limb slides far: allow it to.
+        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self._assemble_tangent(A)
+        return A
+
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Residual in N/mm; fixed unknowns have their own value instead (collective)."""
+        self._assemble_residual(x)
+        self._b.copy(f)
+        held = self._held_owned
+        f.array[held] = x.array_r[held]
+
+    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Exact derivative of `residual` (collective)."""
+        self.set_unknowns(x)
+        A.zeroEntries()
+        self._assemble_tangent(A)
+
+    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Tangent of the tissues with contact as a constraint (collective)."""
+        self.set_unknowns(x)
+        A.zeroEntries()
+        self.contact.add_constraint_tangent(A)
+        self._add_tissues(A)
+
+    def pressure_unknowns(self) -> int:
+        """Number of pressure unknowns on all ranks."""
+        return 3 * self.section.mesh.topology.index_map(2).size_global
+
+    def set_unknowns(self, x: PETSc.Vec) -> None:
+        """Copy a vector into `w`, ghosts included (collective)."""
+        owned = self.V.dofmap.index_map.size_local
+        self.w.x.array[:owned] = x.array_r
+        self.w.x.scatter_forward()
+
+    # -- what a converged state shows -----------------------------------------------------------
+
+    def force_balance(self, x: PETSc.Vec) -> tuple[float, float]:
+        """Compare the contact force on the skin with the reaction of the tibia (collective).
+
+        Returns
+        -------
+        imbalance, pressing : float
+            |contact force on the skin + reaction at the medullary boundary| and the integral of the
+            contact pressure over the skin, both in N per mm of limb length.
+        """
+        state = self._assemble_residual(x)
+        at, law = state.projection, state.traction
+        traction = law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
+        weight = self.contact.points.weight
+        local = np.concatenate([weight @ traction, [weight @ law.pressure], np.zeros(2)])
+        b = self._b.array_r
+        for component in range(2):
+            # The residual at a held unknown is the force that holds it.
+            local[3 + component] = b[self._tibia_owned[component]].sum()
+        total = self.comm.allreduce(local)
+        return float(np.linalg.norm(total[:2] + total[3:])), float(total[2])
+
+    def smallest_volume_ratio(self) -> tuple[float, str]:
+        """Smallest J = det F of all quadrature points and the region it is in (collective)."""
+        points, _ = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
+        J = fem.Expression(ufl.det(deformation_gradient(ufl.split(self.w)[0])), points, self.comm)
+        cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
+        smallest = J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf)
+        cell = int(np.argmin(smallest)) if len(cells) else -1
+        mine = (float(smallest[cell]), int(self.region_ids()[cell])) if len(cells) else (np.inf, 0)
+        value, region = min(self.comm.allgather(mine))
+        return value, {tag: name for name, tag in self.section.regions.items()}[region]
+
+    # -- assembly -------------------------------------------------------------------------------
+
+    def _assemble_residual(self, x: PETSc.Vec) -> Any:
+        self.set_unknowns(x)
+        with self._b.localForm() as local:
+            local.set(0.0)
+        fem_petsc.assemble_vector(self._b, self._residual)
+        self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        return self.contact.add_residual(self._b)
+
+    def _assemble_tangent(self, A: PETSc.Mat) -> None:
+        if not A.assembled:
+            self.contact.add_pattern(A)
+        self.contact.add_tangent(A)
+        self._add_tissues(A)
+
+    def _add_tissues(self, A: PETSc.Mat) -> None:
+        fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs)
+        A.assemble()
+
+    def _fix(self, boundaries: list[str]) -> None:
+        """Hold the displacement on boundaries at zero."""
+        section = self.section
+        owned = self.V.dofmap.index_map.size_local
+        self._bcs = []
+        self._constrained = np.zeros_like(self.w.x.array, dtype=bool)
+        self._tibia_owned = []
+        for name in boundaries:
+            facets = section.facet_tags.find(section.boundaries[name])
+            for component in range(2):
+                space = self.V.sub(0).sub(component)
+                dofs = fem.locate_dofs_topological(space, 1, facets)
+                self._bcs.append(fem.dirichletbc(PETSc.ScalarType(0.0), dofs, space))
+                self._constrained[dofs] = True
+                if name == tags.TIBIA_MEDULLARY:
+                    self._tibia_owned.append(dofs[dofs < owned])
+        self._held_owned = np.flatnonzero(self._constrained[:owned])
+
+    def _bedding(self) -> fem.Function:
+        bedding = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))
+        socket = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
+        bedding.x.array[socket] = SUPPORT_STIFFNESS
+        return bedding
+
+    def region_ids(self) -> NDArray[np.int32]:
+        """Region tag of each local cell, ghosts included."""
+        cells = self.section.cell_tags
+        regions = np.zeros(len(cells.indices), dtype=np.int32)
+        regions[cells.indices] = cells.values
+        return regions
+
+    def _skin_law(self) -> str:
+        """Return the kind of law of the cells on the skin's surface, the same on every rank."""
+        section = self.section
+        section.mesh.topology.create_connectivity(1, 2)
+        facet_to_cell = section.mesh.topology.connectivity(1, 2)
+        regions = self.region_ids()
+        facets = section.facet_tags.find(section.boundaries[tags.SKIN_SURFACE])
+        mine = {int(regions[facet_to_cell.links(facet)[0]]) for facet in facets}
+        names = {tag: name for name, tag in section.regions.items()}
+        kinds = {
+            self.region_laws[names[tag]].name for part in self.comm.allgather(mine) for tag in part
+        }
+        if len(kinds) != 1:
+            raise InputError(f"skin surface: laws {sorted(kinds)} meet there; one is allowed")
+        return kinds.pop()

@@ -1,0 +1,160 @@
+"""One equilibrium at one load: PETSc SNES with MUMPS, and the inertia of its tangent."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from petsc4py import PETSc
+
+OPTIONS_PREFIX = "calfsocket_"
+
+DEFAULT_OPTIONS: dict[str, str | int | float] = {
+    "snes_type": "newtonls",
+    "snes_linesearch_type": "bt",
+    "snes_max_it": 20,
+    "snes_atol": 1e-9,
+    "snes_rtol": 0.0,
+    "snes_stol": 0.0,
+    "snes_divergence_tolerance": -1.0,
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 60,
+}
+"""The residual's tolerance is in N/mm; any of them can be set as -calfsocket_NAME VALUE."""
+
+
+class Problem(Protocol):
+    """What the solver needs of a model."""
+
+    def create_vector(self) -> PETSc.Vec: ...
+    def create_matrix(self) -> PETSc.Mat: ...
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None: ...
+    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None: ...
+    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None: ...
+    def pressure_unknowns(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """Outcome of one Newton solve.
+
+    Attributes
+    ----------
+    converged : bool
+        Whether the residual came below the tolerance.
+    iterations : int
+        Newton iterations.
+    residual : float
+        Euclidean norm of the residual in N/mm.
+    reason : str
+        PETSc's name for why it stopped.
+    history : tuple of float
+        Residual norm before each iteration, and at the end, in N/mm.
+    """
+
+    converged: bool
+    iterations: int
+    residual: float
+    reason: str
+    history: tuple[float, ...]
+
+
+class Solver:
+    """Newton's method for a `Problem`.
+
+    Parameters
+    ----------
+    problem : Problem
+        Residual and tangent.
+    monitor : callable, optional
+        Called with iteration and residual norm (N/mm) at each iteration, on every rank.
+    """
+
+    def __init__(
+        self, problem: Problem, monitor: Callable[[int, float], None] | None = None
+    ) -> None:
+        self._problem = problem
+        self._monitor = monitor
+        self._history: list[float] = []
+        self.x = problem.create_vector()
+        self._f = self.x.duplicate()
+        self._A = problem.create_matrix()
+        comm = self.x.getComm()
+        self._snes = PETSc.SNES().create(comm)
+        self._snes.setOptionsPrefix(OPTIONS_PREFIX)
+        self._snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
+        self._snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self._A)
+        self._snes.setMonitor(self._record)
+        with _defaults():
+            self._snes.setFromOptions()
+
+    def solve(self) -> NewtonResult:
+        """Solve from the present `x`, which holds the last iterate afterwards (collective)."""
+        self._history = []
+        self._snes.solve(None, self.x)
+        reason = self._snes.getConvergedReason()
+        return NewtonResult(
+            converged=reason > 0,
+            iterations=self._snes.getIterationNumber(),
+            residual=self._history[-1],
+            reason=_reason_name(reason),
+            history=tuple(self._history),
+        )
+
+    def negative_modes(self) -> int:
+        """Count the negative modes of the equilibrium at the present `x` (collective).
+
+        The number of negative eigenvalues of (A + A^T)/2, A the tissues' tangent with contact as a
+        constraint, by Sylvester's law from MUMPS's LDL^T
+        factorisation, minus one for each pressure unknown, which a saddle point owns anyway. Zero
+        means a stable equilibrium.
+        """
+        self._problem.stability_tangent(self.x, self._A)
+        symmetric = self._A.copy()
+        symmetric.axpy(1.0, self._A.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
+        symmetric.scale(0.5)
+        symmetric.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        pc = PETSc.PC().create(symmetric.getComm())
+        pc.setOperators(symmetric)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(24, 1)  # detect null pivots, which inertia needs
+        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK on the root: it would hide negative pivots
+        factor.setMumpsIcntl(14, int(DEFAULT_OPTIONS["mat_mumps_icntl_14"]))
+        pc.setUp()
+        negative = factor.getInertia()[0]
+        pc.destroy()
+        symmetric.destroy()
+        return int(negative) - self._problem.pressure_unknowns()
+
+    def _record(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
+        self._history.append(float(norm))
+        if self._monitor is not None:
+            self._monitor(iteration, float(norm))
+
+
+class _defaults:
+    """Put our defaults into PETSc's option database where the user has set nothing."""
+
+    def __enter__(self) -> None:
+        options = PETSc.Options(OPTIONS_PREFIX)
+        self._added = [name for name in DEFAULT_OPTIONS if not options.hasName(name)]
+        for name in self._added:
+            options[name] = DEFAULT_OPTIONS[name]
+
+    def __exit__(self, *_: object) -> None:
+        options = PETSc.Options(OPTIONS_PREFIX)
+        for name in self._added:
+            del options[name]
+
+
+def _reason_name(reason: int) -> str:
+    for name, value in vars(PETSc.SNES.ConvergedReason).items():
+        if value == reason and name.isupper() and name not in ("ITERATING",):
+            return name.lower()
+    return str(reason)

@@ -1,0 +1,183 @@
+"""The contact of single points, without a mesh: projection, friction, exact tangent."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calfsocket.contact import nitsche
+from calfsocket.contact.friction import OPEN, SLIP, STICK, coulomb
+from calfsocket.contact.nitsche import ContactParameters, SkinPoints
+from calfsocket.contact.projection import EdgeChain, order_chain, shape_functions
+
+
+def circle_edges(n: int, radius: float) -> np.ndarray:
+    """Quadratic edges of a circle, counter-clockwise, all nodes on it."""
+    angle = 2 * np.pi * np.arange(2 * n) / (2 * n)
+    nodes = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    ends = np.arange(n)
+    return np.stack([nodes[2 * ends], nodes[(2 * ends + 2) % (2 * n)], nodes[2 * ends + 1]], 1)
+
+
+def test_chain_from_loose_edges_is_closed_and_counter_clockwise():
+    rng = np.random.default_rng(1)
+    edges = circle_edges(40, 10.0)
+    shuffled = edges[rng.permutation(40)]
+    flip = rng.random(40) < 0.5
+    shuffled[flip] = shuffled[flip][:, [1, 0, 2]]
+    order, flipped = order_chain(shuffled)
+    node_order = np.where(flipped[:, None], [1, 0, 2], [0, 1, 2])
+    chain = np.take_along_axis(shuffled[order], node_order[:, :, None], axis=1)
+    np.testing.assert_allclose(chain[:, 1], np.roll(chain[:, 0], -1, axis=0), atol=1e-12)
+    middle = chain[:, 2]
+    ahead = np.roll(middle, -1, axis=0)
+    assert np.sum(middle[:, 0] * ahead[:, 1] - ahead[:, 0] * middle[:, 1]) > 0
+    np.testing.assert_allclose(chain, np.roll(edges, -_offset(edges, chain), axis=0), atol=1e-12)
+
+
+def _offset(edges: np.ndarray, chain: np.ndarray) -> int:
+    return int(np.argmin(np.linalg.norm(edges[:, 2] - chain[0, 2], axis=1)))
+
+
+@pytest.mark.parametrize("broken", ["gap", "two loops"])
+def test_what_is_no_single_closed_chain_is_refused(broken):
+    edges = circle_edges(20, 10.0)
+    if broken == "gap":
+        edges = edges[:-1]
+    else:
+        edges = np.concatenate([edges, circle_edges(20, 5.0)])
+    with pytest.raises(ValueError, match="chain"):
+        order_chain(edges)
+
+
+@pytest.mark.parametrize("distance", [-2.0, -0.1, 0.5])
+def test_projection_on_a_circle_is_radial(distance):
+    radius = 50.0
+    chain = EdgeChain.from_edges(circle_edges(160, radius))
+    angle = np.linspace(0.01, 6.2, 300)
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    at = chain.project((radius - distance) * direction, np.zeros((160, 3, 2)))
+    # 160 quadratic edges follow the circle to 1e-6 mm and its normal to 1e-5.
+    np.testing.assert_allclose(at.point, radius * direction, atol=2e-5)
+    np.testing.assert_allclose(np.linalg.norm(at.point, axis=1), radius, atol=1e-6)
+    np.testing.assert_allclose(at.normal, -direction, atol=2e-5)
+    np.testing.assert_allclose(at.arc, radius * angle, atol=1e-5)
+    assert chain.circumference == pytest.approx(2 * np.pi * radius, rel=1e-8)
+    assert np.all(np.abs(at.xi) <= 1 + 1e-6)
+
+
+def test_slip_is_measured_the_short_way_round():
+    chain = EdgeChain.from_edges(circle_edges(160, 1.0))
+    slip = chain.slip(np.array([0.1, 6.2]), np.array([6.2, 0.1]))
+    expected = 0.1 - 6.2 + chain.circumference
+    np.testing.assert_allclose(slip, [expected, -expected], rtol=1e-12)
+
+
+def test_slip_of_a_rigid_rotation_of_both_bodies_is_zero():
+    chain = EdgeChain.from_edges(circle_edges(64, 30.0))
+    points = 30.2 * np.stack([np.cos([0.3, 2.0]), np.sin([0.3, 2.0])], axis=1)
+    before = chain.project(points, np.zeros((64, 3, 2)))
+    c, s = np.cos(0.7), np.sin(0.7)
+    rotation = np.array([[c, -s], [s, c]])
+    after = chain.project(points @ rotation.T, chain.reference @ rotation.T - chain.reference)
+    np.testing.assert_allclose(chain.slip(after.arc, before.arc), 0.0, atol=1e-11)
+
+
+def test_coulomb_by_hand():
+    # mu = 0.4: open; stick at 0.39 p; slip forwards and backwards at 0.4 p.
+    law = coulomb(np.array([-1.0, 1.0, 1.0, 2.0]), np.array([5.0, 0.39, 0.41, -3.0]), 0.4)
+    np.testing.assert_array_equal(law.status, [OPEN, STICK, SLIP, SLIP])
+    np.testing.assert_allclose(law.pressure, [0.0, 1.0, 1.0, 2.0])
+    np.testing.assert_allclose(law.shear, [0.0, 0.39, 0.4, -0.8])
+
+
+def case(seed: int, shear: float, gap: float, fric_coeff: float = 0.4):
+    """Random points near a randomly bent socket, with a traction linear in their unknowns."""
+    rng = np.random.default_rng(seed)
+    n, k = 12, 5
+    chain = EdgeChain.from_edges(circle_edges(24, 20.0))
+    angle = rng.uniform(0, 2 * np.pi, n)
+    radial = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rest = (20.0 - gap) * radial
+    shape = rng.normal(size=(n, 2, k))
+    stress = rng.normal(size=(n, 2, k))
+    pressed = -radial + shear * np.stack([-radial[:, 1], radial[:, 0]], axis=1)
+    points = SkinPoints(reference=rest, weight=rng.uniform(0.1, 0.2, n), shape=shape)
+    parameters = ContactParameters(fric_coeff=fric_coeff, gamma=0.7, gamma_t=0.3)
+    bend = 0.02 * rng.normal(size=(24, 2, 2))
+    displacement = np.concatenate([bend, np.zeros((24, 1, 2))], axis=1)
+    displacement[:, 1] = np.roll(displacement[:, 0], -1, axis=0)
+    displacement[:, 2] = 0.01 * rng.normal(size=(24, 2))
+    previous = chain.project(rest, displacement).arc - 0.01
+    return chain, points, parameters, rest, stress, pressed, displacement, previous
+
+
+def evaluate(data, unknowns, displacement, edge=None):
+    chain, points, parameters, rest, stress, pressed, _, previous = data
+    position = rest + np.einsum("nck,nk->nc", points.shape, unknowns)
+    traction = pressed + np.einsum("nck,nk->nc", stress, unknowns)
+    at = chain.project(position, displacement)
+    closing = np.full(len(position), -0.05)
+    state = nitsche.contact_state(
+        position, traction, at, closing, chain.slip(at.arc, previous), parameters
+    )
+    return state, traction
+
+
+@pytest.mark.parametrize(
+    ("shear", "gap", "expected"),
+    [(0.0, 0.1, STICK), (2.0, 0.1, SLIP), (-2.0, -0.3, SLIP), (0.1, -0.3, STICK), (0.0, 6.0, OPEN)],
+)
+def test_tangent_is_the_derivative_of_the_residual(shear, gap, expected):
+    data = case(seed=3, shear=shear, gap=gap)
+    chain, points, parameters, _, stress, _, displacement, _ = data
+    n, _, k = points.shape.shape
+    unknowns = np.zeros((n, k))
+    state, traction = evaluate(data, unknowns, displacement)
+    assert np.all(state.traction.status == expected)
+    exact = nitsche.tangent(points, state, traction, stress, parameters)
+    edge = state.projection.edge
+
+    def residual(step: np.ndarray) -> np.ndarray:
+        """Residual of each point on its own when its own k + 6 unknowns move by `step`."""
+        result = np.empty((n, k + 6))
+        for i in range(n):
+            moved = displacement.copy()
+            moved[edge[i]] += step[i, k:].reshape(3, 2)
+            one, _ = evaluate(data, step[:, :k], moved)
+            skin, socket = nitsche.residual(points, one)
+            result[i, :k], result[i, k:] = skin[i], socket[i].ravel()
+            assert one.projection.edge[i] == edge[i]
+        return result
+
+    h = 1e-6
+    for column in range(k + 6):
+        step = np.zeros((n, k + 6))
+        step[:, column] = h
+        difference = (residual(step) - residual(-step)) / (2 * h)
+        np.testing.assert_allclose(exact[:, :, column], difference, atol=2e-8, rtol=2e-7)
+    if expected != OPEN:
+        assert np.abs(exact).max() > 1e-2
+
+
+def test_tangent_moves_with_each_parameter():
+    data = case(seed=5, shear=0.1, gap=-0.3)
+    _, points, parameters, _, stress, _, displacement, _ = data
+    state, traction = evaluate(data, np.zeros((12, 5)), displacement)
+
+    def matrix(p: ContactParameters) -> np.ndarray:
+        return nitsche.tangent(points, state, traction, stress, p)
+
+    base = matrix(parameters)
+    for change in ({"gamma": 0.8}, {"gamma_t": 0.4}):
+        assert np.abs(matrix(replace(parameters, **change)) - base).max() > 1e-3
+
+
+def test_traction_on_the_socket_balances_that_on_the_skin():
+    data = case(seed=7, shear=0.2, gap=-0.2)
+    points = SkinPoints(data[3], data[1].weight, np.tile(np.eye(2), (12, 1, 1)))
+    state, _ = evaluate(data, np.zeros((12, 5)), data[6])
+    skin, socket = nitsche.residual(points, state)
+    np.testing.assert_allclose(skin, -socket.sum(axis=1), atol=1e-14)
+    values = shape_functions(state.projection.xi)[0]
+    np.testing.assert_allclose(values.sum(axis=1), 1.0, atol=1e-14)
