@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
+from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -245,18 +246,16 @@ class ContactInterface:
             self.parameters,
         )
 
+    def largest_gap(self) -> float:
+        """Largest |gap| in mm where there is contact, the released share counted (collective)."""
+        state = self.state()
+        closed = state.traction.pressure > 0
+        mine = np.abs(state.reduced_gap[closed]).max(initial=0.0)
+        return float(self._comm.allreduce(mine, op=MPI.MAX))
+
     def accept(self) -> None:
         """Make the present positions the ones from which slip counts (collective)."""
         self._converged_arc = self.state().projection.arc
-
-    @property
-    def history(self) -> FloatArray:
-        """Arc lengths from which slip counts, in mm; set it to go back to an earlier step."""
-        return self._converged_arc
-
-    @history.setter
-    def history(self, arc: FloatArray) -> None:
-        self._converged_arc = arc
 
     # -- assembly -------------------------------------------------------------------------------
 

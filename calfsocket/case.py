@@ -1,0 +1,182 @@
+"""One run of the study: a socket and a material set, solved."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from mpi4py import MPI
+
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.errors import SolveError
+from calfsocket.meshes import tags
+from calfsocket.meshes.data import Limb, Socket
+from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.sizing import mesh_size
+from calfsocket.model import Model, SocketSupport
+from calfsocket.laws import Law, OgdenForm
+from calfsocket.stepping import LoadStep, StepControl, Stepper
+from calfsocket.tissues import FasciaC10, MaterialSet, material_set
+
+
+@dataclass(frozen=True)
+class Case:
+    """A socket and a material set.
+
+    Attributes
+    ----------
+    socket : str
+        Name in the sockets' file.
+    material_set : str
+        "separate" or "combined".
+    """
+
+    socket: str
+    material_set: MaterialSet
+
+    @property
+    def name(self) -> str:
+        """Name of the case's folder, e.g. ``TC_separate``."""
+        return f"{self.socket}_{self.material_set}"
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Values of the columns that name the case in every table."""
+        return self.socket, self.material_set
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all cases of a study share.
+
+    Attributes
+    ----------
+    size : str
+        Mesh size: "coarse", "medium" or "paper".
+    socket_support : str
+        "floating" or "outer-fixed".
+    fascia_c10 : str
+        "printed" or "tables" (`tissues.FASCIA_C10`).
+    ogden_form : str
+        "abaqus" or "as-printed".
+    contact : ContactParameters
+        Friction and Nitsche stiffness.
+    steps : StepControl
+        Load steps.
+    """
+
+    size: str = "paper"
+    socket_support: SocketSupport = "floating"
+    fascia_c10: FasciaC10 = "printed"
+    ogden_form: OgdenForm = "abaqus"
+    contact: ContactParameters = field(default_factory=ContactParameters)
+    steps: StepControl = field(default_factory=StepControl)
+
+
+def region_tissues(limb: Limb) -> dict[str, str]:
+    """Tissue of each region, the socket among them."""
+    return {region.name: region.tissue for region in limb.regions} | {tags.SOCKET: tags.SOCKET}
+
+
+def case_laws(case: Case, settings: Settings) -> dict[str, Law]:
+    """Law of each tissue in a case."""
+    return material_set(case.material_set, settings.fascia_c10, settings.ogden_form)
+
+
+class Run:
+    """A case on its way through mesh, set-up and solution.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+        Ranks that solve it together.
+    case, settings
+        What to solve.
+    limb, socket
+        Geometry.
+    on_iteration, on_step : callable, optional
+        As of `stepping.Stepper`.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Wall time of each phase so far.
+    failure : str
+        Why the run did not reach the full load; empty when it did.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        case: Case,
+        settings: Settings,
+        limb: Limb,
+        socket: Socket,
+        on_iteration: Callable[[float, int, float], None] | None = None,
+        on_step: Callable[[LoadStep], None] | None = None,
+    ) -> None:
+        self.case = case
+        self.seconds: dict[str, float] = {}
+        self.failure = ""
+        with self.phase("mesh"):
+            section = section_mesh(comm, limb, socket, mesh_size(settings.size))
+        with self.phase("setup"):
+            laws = case_laws(case, settings)
+            tissues = region_tissues(limb)
+            self.model = Model(
+                section,
+                {name: laws[tissues[name]] for name in section.regions},
+                settings.contact,
+                settings.socket_support,
+            )
+            self.stepper = Stepper(self.model, settings.steps, on_iteration, on_step)
+
+    def solve(self) -> None:
+        """Raise the load to 1, or as far as it goes (collective); see `failure`."""
+        with self.phase("solve"):
+            try:
+                self.stepper.run()
+            except SolveError as error:
+                self.failure = str(error)
+
+    def checks(self) -> dict[str, object]:
+        """Numbers by which a result is judged (collective).
+
+        Returns
+        -------
+        dict
+            load reached; unknowns; steps, failed steps and Newton iterations; residual (N/mm);
+            smallest volume ratio and its region; largest gap in contact (mm); force imbalance
+            relative to the pressing force; negative modes.
+        """
+        with self.phase("checks"):
+            model, stepper = self.model, self.stepper
+            newton = [step.newton for step in stepper.steps]
+            done = [step.newton for step in stepper.steps if step.newton.converged]
+            volume_ratio, region = model.smallest_volume_ratio()
+            imbalance, pressing = model.force_balance(stepper.solver.x)
+            return {
+                "load": model.contact.load,
+                "unknowns": model.V.dofmap.index_map.size_global,
+                "cells": model.section.mesh.topology.index_map(2).size_global,
+                "steps": len(done),
+                "failed_steps": len(newton) - len(done),
+                "newton_iterations": sum(result.iterations for result in newton),
+                "residual_N_per_mm": done[-1].residual if done else 0.0,
+                "smallest_volume_ratio": volume_ratio,
+                "smallest_volume_ratio_region": region,
+                "largest_gap_in_contact_mm": model.contact.largest_gap(),
+                "pressing_force_N_per_mm": pressing,
+                "relative_force_imbalance": imbalance / pressing if pressing else 0.0,
+                "negative_modes": stepper.solver.negative_modes(),
+            }
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Add the wall time of the body to a phase."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            elapsed = time.perf_counter() - start
+            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed

@@ -1,0 +1,325 @@
+"""The command line: what a person types, and what they get to read."""
+
+import argparse
+import contextlib
+import difflib
+import io
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import calfsocket
+from calfsocket.errors import CalfsocketError, InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+# Heavy imports stand in the functions that need them: --help should not wait for MPI and dolfinx.
+
+OK, CASE_FAILED, BAD_INPUT = 0, 1, 2
+
+PROGRAM = "python3 -m calfsocket"
+
+DESCRIPTION = """\
+What does a prosthetic socket do inside a leg?
+
+Without a command, solves the study: three sockets (TC total contact, TSB total surface bearing,
+HS hydrostatic), each with separate and with combined properties of muscle and fascia, and writes
+stresses, strains and contact pressures to a folder of results.
+"""
+
+EPILOG = """\
+examples:
+  python3 -m calfsocket                                 the six runs, into results/
+  python3 -m calfsocket --size coarse --out quick       the same on a coarse mesh
+  python3 -m calfsocket --sockets TC,HS --materials separate
+  mpirun -n 2 python3 -m calfsocket                     two cases side by side
+  python3 -m calfsocket mesh --socket HS --out hs.msh   only a mesh, with a table of its quality
+
+results:
+  summary.csv    largest stress and strain of each tissue, and contact pressure
+  contact.csv    contact pressure, friction and gap along the skin
+  steps.csv      load steps and Newton iterations
+  run.json       inputs, versions, checks and timings
+  TC_separate/   fields.vtu (for ParaView), contact.csv and picture.png of a case
+
+Every option of PETSc can be set with its name after -calfsocket_, e.g. -calfsocket_snes_monitor.
+Exit code: 0 all cases solved, 1 a case failed, 2 the input cannot be used.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(
+            formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False, **settings
+        )
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see `{self.prog} --help`")
+
+    def parse_all(self, words: list[str]) -> argparse.Namespace:
+        """Parse, and suggest the nearest option for an unknown one."""
+        arguments, unknown = self.parse_known_args(words)
+        if unknown:
+            known = [option for action in self._actions for option in action.option_strings]
+            near = difflib.get_close_matches(unknown[0].split("=")[0], known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            self.error(f"{unknown[0]}: no such option or command{hint}")
+        return arguments
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    words, petsc = _split_petsc(list(sys.argv[1:] if argv is None else argv))
+    first = _launched_rank() == 0
+    action, parser, program = _study, _study_parser, PROGRAM
+    if words and words[0] in COMMANDS:
+        program = f"{PROGRAM} {words.pop(0)}"
+        action, parser, _ = COMMANDS[program.split()[-1]]
+    try:
+        with contextlib.redirect_stdout(sys.stdout if first else io.StringIO()):
+            arguments = parser(program).parse_all(words)
+    except InputError as error:
+        return _refuse(error, first)
+    return _with_mpi(action, arguments, petsc)
+
+
+def _with_mpi(
+    action: "Action",
+    arguments: argparse.Namespace,
+    petsc: list[str],
+) -> int:
+    import petsc4py
+
+    petsc4py.init(["calfsocket", *petsc])
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    try:
+        return action(comm, arguments)
+    except InputError as error:
+        return _refuse(error, first=comm.rank == 0)
+    except BaseException as error:
+        if comm.size == 1:
+            raise
+        # The other ranks may wait for this one: end them all, with this one message.
+        if isinstance(error, CalfsocketError):
+            print(f"calfsocket: {error}", file=sys.stderr, flush=True)
+        else:
+            traceback.print_exc()
+            sys.stderr.flush()
+        comm.Abort(1)
+        raise
+
+
+def _refuse(error: InputError, first: bool) -> int:
+    if first:
+        print(f"calfsocket: {error}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _split_petsc(argv: list[str]) -> tuple[list[str], list[str]]:
+    """Part PETSc's options (-calfsocket_NAME [VALUE]) from ours."""
+    ours: list[str] = []
+    petsc: list[str] = []
+    takes_value = False
+    for word in argv:
+        if word.startswith("-calfsocket_"):
+            petsc.append(word)
+            takes_value = True
+        elif takes_value and not word.startswith("--"):
+            petsc.append(word)
+            takes_value = False
+        else:
+            ours.append(word)
+            takes_value = False
+    return ours, petsc
+
+
+def _launched_rank() -> int:
+    """Rank in the MPI job by the launcher's environment, without initialising MPI."""
+    for name in ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"):
+        if name in os.environ:
+            return int(os.environ[name])
+    return 0
+
+
+def _study_parser(program: str) -> _Parser:
+    commands = "\n".join(f"  {name:9s} {text}" for name, (_, _, text) in COMMANDS.items())
+    parser = _Parser(
+        prog=program,
+        usage=f"{program} [options]   or   {program} COMMAND [options]",
+        description=f"{DESCRIPTION}\ncommands:\n{commands}",
+        epilog=EPILOG,
+    )
+    parser.add_argument(
+        "--version", action="version", version=f"calfsocket {calfsocket.__version__}"
+    )
+    what = parser.add_argument_group("what to solve")
+    what.add_argument("--sockets", default="TC,TSB,HS", metavar="LIST", help="default: %(default)s")
+    what.add_argument(
+        "--materials", default="separate,combined", metavar="LIST", help="default: %(default)s"
+    )
+    what.add_argument(
+        "--size", default="paper", help="mesh: coarse, medium or paper (default: %(default)s)"
+    )
+    what.add_argument(
+        "--socket-support",
+        default="floating",
+        choices=("floating", "outer-fixed"),
+        help="socket resting on the limb alone, or held at its outer face (default: %(default)s)",
+    )
+    what.add_argument(
+        "--fascia-c10",
+        default="printed",
+        choices=("printed", "tables"),
+        help="fascia's C10 as the paper prints it, 4.91 MPa, or as its tables need it, 0.491 MPa "
+        "(default: %(default)s)",
+    )
+    what.add_argument(
+        "--ogden-form",
+        default="abaqus",
+        choices=("abaqus", "as-printed"),
+        help="factor 2 mu/alpha^2, or mu/alpha as in the paper's equation (1) "
+        "(default: %(default)s)",
+    )
+    what.add_argument(
+        "--friction", type=float, default=0.4, metavar="MU", help="coefficient (default: 0.4)"
+    )
+    how = parser.add_argument_group("how to run")
+    how.add_argument(
+        "--out", type=Path, default=Path("results"), metavar="DIR", help="default: %(default)s"
+    )
+    how.add_argument(
+        "--overwrite", action="store_true", help="replace results made with other settings"
+    )
+    how.add_argument(
+        "--ranks-per-case",
+        type=int,
+        metavar="N",
+        help="ranks that solve one case together (default: cases side by side)",
+    )
+    how.add_argument("--no-pictures", action="store_true", help="do not draw the cases")
+
+    return parser
+
+
+def _mesh_parser(program: str) -> _Parser:
+    parser = _Parser(prog=program, description="Write a mesh with names, and show its quality.")
+    parser.add_argument("--socket", required=True, metavar="NAME", help="TC, TSB or HS")
+    parser.add_argument(
+        "--size", default="paper", help="coarse, medium or paper (default: %(default)s)"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.msh")
+    return parser
+
+
+def _picture_parser(program: str) -> _Parser:
+    parser = _Parser(prog=program, description="Draw a solved case again, from its files.")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="e.g. results/TC_separate")
+    return parser
+
+
+def _warm_parser(program: str) -> _Parser:
+    return _Parser(
+        prog=program, description="Compile all forms now rather than in the first run."
+    )
+
+
+def _study(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+    import logging
+    import math
+
+    from rich.console import Console
+    from rich.logging import RichHandler
+
+    from calfsocket.case import Case, Settings
+    from calfsocket.contact.nitsche import ContactParameters
+    from calfsocket.meshes.data import load_limb, load_sockets
+    from calfsocket.meshes.sizing import mesh_size
+    from calfsocket.study import MATERIAL_SETS, Study, check_folder, run_study, select
+
+    mesh_size(arguments.size)
+    if not (math.isfinite(arguments.friction) and arguments.friction >= 0):
+        raise InputError(f"--friction: {arguments.friction}; give a number of 0 or more")
+    if arguments.ranks_per_case is not None and not 1 <= arguments.ranks_per_case <= comm.size:
+        raise InputError(
+            f"--ranks-per-case: {arguments.ranks_per_case}; give 1 to {comm.size}, the number of "
+            "ranks that mpirun started"
+        )
+    sockets = load_sockets()
+    chosen = select(arguments.sockets.split(","), list(sockets.sockets), "--sockets")
+    sets: list[Any] = select(arguments.materials.split(","), MATERIAL_SETS, "--materials")
+    study = Study(
+        cases=tuple(Case(socket, name) for socket in chosen for name in sets),
+        settings=Settings(
+            size=arguments.size,
+            socket_support=arguments.socket_support,
+            fascia_c10=arguments.fascia_c10,
+            ogden_form=arguments.ogden_form,
+            contact=ContactParameters(fric_coeff=arguments.friction),
+        ),
+        limb=load_limb(),
+        sockets=sockets,
+        out=arguments.out,
+        pictures=not arguments.no_pictures,
+    )
+    _on_first_rank(comm, lambda: check_folder(study, arguments.overwrite))
+    console = Console(stderr=True)
+    if comm.rank == 0:
+        if console.is_terminal:
+            handler: logging.Handler = RichHandler(console=console, show_path=False)
+        else:
+            handler = logging.StreamHandler()
+            handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+        logging.basicConfig(level=logging.INFO, handlers=[handler])
+    solved = run_study(comm, study, arguments.ranks_per_case, console)
+    return OK if solved else CASE_FAILED
+
+
+def _on_first_rank(comm: "MPI.Comm", check: Callable[[], None]) -> None:
+    """Do a check on rank 0; where it refuses, refuse on all ranks."""
+    refusal: InputError | None = None
+    if comm.rank == 0:
+        try:
+            check()
+        except InputError as error:
+            refusal = error
+    refusal = comm.bcast(refusal, root=0)
+    if refusal is not None:
+        raise refusal
+
+
+def _mesh(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+    from calfsocket.meshes.section import write_section
+
+    if comm.rank == 0:
+        print(write_section(arguments.out, arguments.socket, arguments.size))
+    return OK
+
+
+def _picture(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+    from calfsocket import picture
+
+    if comm.rank == 0:
+        print(picture.draw(arguments.folder))
+    return OK
+
+
+def _warm(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+    from calfsocket import compilation
+
+    compilation.warm(comm)
+    return OK
+
+
+Action = Callable[["MPI.Comm", argparse.Namespace], int]
+
+COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
+    "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),
+    "picture": (_picture, _picture_parser, "draw a solved case again"),
+    "warm": (_warm, _warm_parser, "compile all forms now rather than at the first run"),
+}

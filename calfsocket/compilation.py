@@ -1,0 +1,59 @@
+"""Compiled forms: kept in a cache of our own, made once before ranks need them side by side."""
+
+import fcntl
+import os
+from pathlib import Path
+
+from dolfinx import jit
+from mpi4py import MPI
+
+from calfsocket.gather import contact_line, section_fields
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import Model
+from calfsocket.solver import Solver
+from calfsocket.tissues import material_set
+
+# The socket overlaps the limb a little, so that contact is compiled as well.
+_LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 30.0), ("skin", 30.0, 32.0)]
+_SOCKET = (31.9, 36.0)
+_TIMEOUT_S = 600
+"""How long a rank waits for another to compile; compiling takes some 10 s in all."""
+
+
+def cache_folder() -> Path:
+    """Folder of the compiled forms, under the user's cache directory."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "calfsocket" / "fenics"
+
+
+def warm(comm: MPI.Comm) -> None:
+    """Compile every form that a case needs, unless that was done before (collective).
+
+    Rank 0 compiles, under a lock against other processes of the same user. A form that is found
+    half compiled under the lock was left by a process that was killed, and is thrown away; without
+    that, dolfinx waits for it in vain.
+    """
+    folder = cache_folder()
+    jit.DOLFINX_DEFAULT_JIT_OPTIONS["cache_dir"] = (folder, "calfsocket")
+    jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (_TIMEOUT_S, "calfsocket")
+    if comm.rank == 0:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / ".lock").open("a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            for source in folder.glob("*.c"):
+                if not source.with_suffix(".c.cached").exists():
+                    source.unlink()
+            _use_all_forms()
+    comm.Barrier()
+
+
+def _use_all_forms() -> None:
+    section = ring_mesh(MPI.COMM_SELF, _LAYERS, _SOCKET, h=4.0)
+    laws = material_set("separate")
+    model = Model(section, {name: laws[name] for name in section.regions})
+    solver = Solver(model)
+    model.contact.load = 0.01
+    solver.solve()
+    model.smallest_volume_ratio()
+    section_fields(model, {name: name for name in section.regions})
+    contact_line(model)

@@ -1,0 +1,92 @@
+"""What a running study tells: one line a case on a terminal, log lines elsewhere."""
+
+import logging
+import time
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened in a case.
+
+    Attributes
+    ----------
+    case : str
+        Name of the case.
+    text : str
+        What happened, in a few words.
+    load : float
+        Load of the case, 0 to 1.
+    milestone : bool
+        Whether it is worth a log line of its own.
+    """
+
+    case: str
+    text: str
+    load: float
+    milestone: bool = False
+
+
+class Reporter:
+    """Shows events of cases; a context manager, on rank 0.
+
+    Parameters
+    ----------
+    names : list of str
+        Cases, in the study's order.
+    console : rich.console.Console
+        Where to write; a terminal gets bars that move.
+    """
+
+    def __init__(self, names: list[str], console: Console) -> None:
+        self._console = console
+        self._started: dict[str, float] = {}
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TextColumn("load {task.completed:.3f}"),
+            TextColumn("{task.fields[text]}"),
+            TextColumn("{task.fields[left]}"),
+            console=console,
+        )
+        self._tasks: dict[str, TaskID] = {}
+        if console.is_terminal:
+            for name in names:
+                self._tasks[name] = self._progress.add_task(
+                    name, total=1.0, text="waiting", left=""
+                )
+
+    def __enter__(self) -> Self:
+        if self._tasks:
+            self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._tasks:
+            self._progress.stop()
+
+    def show(self, event: Event) -> None:
+        """Show an event."""
+        now = time.monotonic()
+        start = self._started.setdefault(event.case, now)
+        if self._tasks:
+            left = ""
+            if 0 < event.load < 1:
+                left = f"{(now - start) * (1 - event.load) / event.load:.0f} s left"
+            self._progress.update(
+                self._tasks[event.case], completed=event.load, text=event.text, left=left
+            )
+        elif event.milestone:
+            logger.info("%s: load %.3f, %s, %.0f s", event.case, event.load, event.text, now - start)

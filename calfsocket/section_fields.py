@@ -1,0 +1,94 @@
+"""The solved section as plain arrays: what outcomes, files and pictures are made from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+TISSUES = ("skin", "fat", "fascia", "muscle", "bone", "vessel", "socket")
+
+# Reference coordinates of the 3-point rule of a triangle, which is that of Abaqus's CPE6H.
+GAUSS_POINTS = np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]])
+
+
+@dataclass(frozen=True)
+class SectionFields:
+    """Displacement, stress, deformation gradient and pressure of one case, gathered to one rank.
+
+    Nodes and cells stand in the mesh generator's order, so that nothing here depends on how the
+    mesh was distributed. Cells are six-node triangles in VTK's order: three corners, then the
+    mid-sides 01, 12, 20.
+
+    Attributes
+    ----------
+    points
+        Reference coordinates of the nodes, mm, (n_nodes, 2); +x lateral, +y anterior.
+    cells
+        Node indices, (n_cells, 6).
+    region
+        Region id of each cell, (n_cells,).
+    region_names, region_tissues
+        Name and tissue of each region id; the tissue is one of `TISSUES`.
+    displacement
+        mm, (n_nodes, 2).
+    stress
+        Cauchy stress s11, s22, s33, s12 at the Gauss points, kPa, (n_cells, 3, 4).
+    deformation_gradient
+        In-plane F at the Gauss points, (n_cells, 3, 2, 2); F33 = 1 (plane strain).
+    pressure
+        Hydrostatic pressure of the mixed field at the Gauss points, kPa, > 0 in compression,
+        (n_cells, 3).
+    gauss_points
+        Reference coordinates of the Gauss points, (3, 2).
+    """
+
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    region: NDArray[np.int64]
+    region_names: dict[int, str]
+    region_tissues: dict[int, str]
+    displacement: NDArray[np.float64]
+    stress: NDArray[np.float64]
+    deformation_gradient: NDArray[np.float64]
+    pressure: NDArray[np.float64]
+    gauss_points: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n_nodes, n_cells = len(self.points), len(self.cells)
+        shapes = {
+            "points": (n_nodes, 2),
+            "cells": (n_cells, 6),
+            "region": (n_cells,),
+            "displacement": (n_nodes, 2),
+            "stress": (n_cells, 3, 4),
+            "deformation_gradient": (n_cells, 3, 2, 2),
+            "pressure": (n_cells, 3),
+            "gauss_points": (3, 2),
+        }
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}, not {shape}")
+            if not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name} has values that are not finite")
+        if n_cells == 0:
+            raise ValueError("cells is empty")
+        if self.cells.min() < 0 or self.cells.max() >= n_nodes:
+            raise ValueError(f"cells names nodes outside 0 to {n_nodes - 1}")
+        if not np.allclose(self.gauss_points, GAUSS_POINTS):
+            raise ValueError("gauss_points is not the 3-point rule (1/6, 1/6), (2/3, 1/6), ...")
+        for region in map(int, np.unique(self.region)):
+            if region not in self.region_names:
+                raise ValueError(f"region {region} has no name in region_names")
+            tissue = self.region_tissues.get(region)
+            if tissue not in TISSUES:
+                raise ValueError(
+                    f"region {region} has tissue {tissue!r}; allowed: {', '.join(TISSUES)}"
+                )
+        if np.linalg.det(self.deformation_gradient).min() <= 0:
+            raise ValueError("deformation_gradient has det F <= 0: a cell is inverted")
+
+    @property
+    def tissue(self) -> NDArray[np.int64]:
+        """Index into `TISSUES` of each cell, (n_cells,)."""
+        ids, place = np.unique(self.region, return_inverse=True)
+        return np.array([TISSUES.index(self.region_tissues[int(i)]) for i in ids])[place]
