@@ -48,6 +48,8 @@ class Model:
         Displacement (mm) and scaled pressure.
     contact : ContactInterface
         The contact pair; its `load` is the load of the model.
+    held : (n,) int
+        Owned unknowns that are fixed at zero.
     """
 
     def __init__(
@@ -125,10 +127,17 @@ class Model:
         return A
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """Residual in N/mm; fixed unknowns have their own value instead (collective)."""
+        """Residual in N/mm; fixed unknowns have their own value instead (collective).
+
+        Newton's method may overshoot to unknowns that are not finite; the residual is not either,
+        then, which the line search understands.
+        """
+        if not np.isfinite(x.norm()):
+            f.set(np.nan)
+            return
         self._assemble_residual(x)
         self._b.copy(f)
-        held = self._held_owned
+        held = self.held
         f.array[held] = x.array_r[held]
 
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
@@ -182,9 +191,26 @@ class Model:
         points, _ = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
         J = fem.Expression(ufl.det(deformation_gradient(ufl.split(self.w)[0])), points, self.comm)
         cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        smallest = J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf)
-        cell = int(np.argmin(smallest)) if len(cells) else -1
-        mine = (float(smallest[cell]), int(self.region_ids()[cell])) if len(cells) else (np.inf, 0)
+        return self._smallest_by_region(J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf))
+
+    def least_balanced_region(self, x: PETSc.Vec) -> str:
+        """Region with the largest residual, or one that is not finite, at `x` (collective)."""
+        self._assemble_residual(x)
+        residual = fem.Function(self.V)
+        owned = len(self._b.array_r)
+        residual.x.array[:owned] = np.abs(np.nan_to_num(self._b.array_r, nan=np.inf))
+        residual.x.array[self.held] = 0.0
+        residual.x.scatter_forward()
+        cells = self.section.mesh.topology.index_map(2).size_local
+        in_cell = residual.x.array[self.V.dofmap.list[:cells]].max(axis=1, initial=0.0)
+        return self._smallest_by_region(-in_cell)[1]
+
+    def _smallest_by_region(self, cell_values: NDArray[np.float64]) -> tuple[float, str]:
+        """Smallest of a value per owned cell, and the region that it is in (collective)."""
+        mine = (np.inf, 0)
+        if len(cell_values):
+            cell = int(np.argmin(cell_values))
+            mine = (float(cell_values[cell]), int(self.region_ids()[cell]))
         value, region = min(self.comm.allgather(mine))
         return value, {tag: name for name, tag in self.section.regions.items()}[region]
 
@@ -224,7 +250,7 @@ class Model:
                 self._constrained[dofs] = True
                 if name == tags.TIBIA_MEDULLARY:
                     self._tibia_owned.append(dofs[dofs < owned])
-        self._held_owned = np.flatnonzero(self._constrained[:owned])
+        self.held = np.flatnonzero(self._constrained[:owned])
 
     def _bedding(self) -> fem.Function:
         bedding = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))

@@ -177,7 +177,6 @@ def render_section(case: Case, window: tuple[float, float, float, float]) -> NDA
     plotter.camera.up = (0, 1, 0)
     plotter.camera.parallel_scale = (top - bottom) / 2
     plotter.camera.clipping_range = (1, 2000)
-    plotter.enable_anti_aliasing("ssaa")
     image = plotter.screenshot(transparent_background=True, return_img=True)
     plotter.close()
     return np.asarray(image)
@@ -286,7 +285,7 @@ def _draw_legend(figure: Figure) -> None:
         [band, lines, bone, socket],
         [
             "contact pressure on the skin",
-            f"every {PRESSURE_STEP_KPA:g} kPa of it",
+            f"its lines of every {PRESSURE_STEP_KPA:g} kPa",
             "bone",
             "socket",
         ],
@@ -348,22 +347,37 @@ def draw_in_subprocess(folder: Path, timeout_s: float = 300.0) -> Path | None:
     if xvfb:
         command = [xvfb, "-a", "-s", "-screen 0 1280x1024x24", *command]
     try:
-        done = subprocess.run(
-            command,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
+        code, errors = _run(command, environment, timeout_s)
+    except subprocess.TimeoutExpired:
+        log.warning("no picture of %s: not done after %g s", folder, timeout_s)
+        return None
+    except OSError as error:
         log.warning("no picture of %s: %s", folder, error)
         return None
-    if done.returncode == 0:
+    if code == 0:
         return Path(folder) / PICTURE_FILE
-    log.warning("no picture of %s: %s", folder, _reason(done.returncode, done.stderr))
+    log.warning("no picture of %s: %s", folder, _reason(code, errors))
     return None
+
+
+def _run(command: list[str], environment: dict[str, str], timeout_s: float) -> tuple[int, str]:
+    """Run a command to its end; returns its exit code and what it wrote to stderr."""
+    with subprocess.Popen(
+        command,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            _, errors = process.communicate(timeout=timeout_s)
+        except BaseException:
+            # all of it: xvfb-run has an X server and the drawing as children
+            os.killpg(process.pid, signal.SIGTERM)
+            raise
+    return process.returncode, errors
 
 
 def _reason(code: int, stderr: str) -> str:

@@ -126,12 +126,15 @@ class Stepper:
                 if result.iterations <= control.few_iterations:
                     step = min(control.growth * step, control.largest)
                 continue
+            if not math.isfinite(x.norm()):
+                converged.copy(x)
+            region = self.model.least_balanced_region(x)
             converged.copy(x)
             self.model.set_unknowns(x)
             contact.load = load
             step = control.cutback * (target - load)
             if step < control.smallest:
-                raise SolveError(self._failure(load, target, result))
+                raise SolveError(_failure(load, target, result, region))
 
     def _take(self, target: float) -> NewtonResult:
         start = time.perf_counter()
@@ -147,11 +150,10 @@ class Stepper:
         if self._on_iteration is not None:
             self._on_iteration(self.model.contact.load, iteration, residual)
 
-    def _failure(self, load: float, target: float, result: NewtonResult) -> str:
-        smallest, region = self.model.smallest_volume_ratio()
-        return (
-            f"no equilibrium between load {load:.4f} and {target:.4f} ({result.reason}, residual "
-            f"{result.residual:.2g} N/mm); smallest volume ratio {smallest:.3f} in {region}. "
-            "Try a finer mesh (--size), or another Newton search "
-            "(-calfsocket_snes_linesearch_type l2)"
-        )
+
+def _failure(load: float, target: float, result: NewtonResult, region: str) -> str:
+    return (
+        f"no equilibrium between load {load:.4f} and {target:.4f}: {result.reason} with residual "
+        f"{result.residual:.2g} N/mm, most of it in {region}; try another mesh size, a socket "
+        "that presses less there, or -calfsocket_snes_linesearch_type l2"
+    )

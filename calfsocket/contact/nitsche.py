@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.contact.friction import ContactTraction, coulomb
+from calfsocket.contact.friction import SLIP, STICK, ContactTraction, coulomb
 from calfsocket.contact.projection import Projection, shape_functions
 
 FloatArray = NDArray[np.float64]
@@ -170,15 +170,12 @@ def tangent(
     """
     at, law = state.projection, state.traction
     n, _, k = points.shape.shape
-    values, d_values, _ = shape_functions(at.xi)
-    identity = np.eye(2)
+    d_values = shape_functions(at.xi)[1]
 
     # Variations as row vectors over the k + 6 unknowns: of x - y, of y' at fixed xi, of T.
-    d_offset = np.zeros((n, 2, k + 6))
-    d_offset[:, :, :k] = points.shape
-    d_offset[:, :, k:] = -np.einsum("na,cd->ncad", values, identity).reshape(n, 2, 6)
+    d_offset = _offset_variation(points, at)
     d_first = np.zeros((n, 2, k + 6))
-    d_first[:, :, k:] = np.einsum("na,cd->ncad", d_values, identity).reshape(n, 2, 6)
+    d_first[:, :, k:] = np.einsum("na,cd->ncad", d_values, np.eye(2)).reshape(n, 2, 6)
     d_nominal = np.zeros((n, 2, k + 6))
     d_nominal[:, :, :k] = d_nominal_traction
 
@@ -219,16 +216,16 @@ def tangent(
     return points.weight[:, None, None] * matrix
 
 
-def constraint_tangent(
-    points: SkinPoints, state: ContactState, stiffness: float
-) -> FloatArray:
+def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float) -> FloatArray:
     """Tangent of contact seen as a constraint, for counting the negative modes of an equilibrium.
 
     The tangent of Nitsche's method will not do: where gamma is below the skin's stiffness over the
     element size it is indefinite by itself, at stable equilibria too. What decides stability is the
-    stiffness of the tissues on the motions that contact allows, with the contact traction held. So
-    closed points get a stiffness against a change of the gap, sticking points against slip as well,
-    and the traction turns with the socket.
+    stiffness of the tissues on the motions that contact allows. A sticking point is glued to its
+    partner on the socket, which is linear in the displacements; a slipping point stays on the
+    socket's face, under its contact pressure p and with its friction held:
+
+        stick  stiffness |dx - dy|^2,      slip  stiffness (n . (dx - dy))^2 - p d^2 gap.
 
     Parameters
     ----------
@@ -240,17 +237,42 @@ def constraint_tangent(
     Returns
     -------
     (n, k + 6, k + 6)
-        As of `tangent`.
+        As of `tangent`; symmetric where the gap is closed.
     """
+    at, law = state.projection, state.traction
     n, _, k = points.shape.shape
-    held = replace(state.traction, d_shear_pressure=np.zeros(n))
-    return tangent(
+    none = np.zeros(n)
+    slipping = law.status == SLIP
+    pressed = ContactTraction(
+        pressure=np.where(slipping, law.pressure, 0.0),
+        shear=none,
+        status=law.status,
+        d_pressure=none,
+        d_shear_pressure=none,
+        d_shear_shear=none,
+    )
+    curvature = tangent(
         points,
-        replace(state, traction=held),
+        replace(state, traction=pressed),
         nominal_traction=np.zeros((n, 2)),
         d_nominal_traction=np.zeros((n, 2, k)),
-        parameters=ContactParameters(gamma=stiffness, gamma_t=stiffness),
+        parameters=ContactParameters(gamma=0.0, gamma_t=0.0),
     )
+    d_offset = _offset_variation(points, at)
+    direction = np.where(
+        (law.status == STICK)[:, None, None],
+        np.eye(2),
+        slipping[:, None, None] * at.normal[:, :, None] * at.normal[:, None, :],
+    )
+    spring = np.einsum("ncr,ncd,nds->nrs", d_offset, direction, d_offset)
+    return curvature + stiffness * points.weight[:, None, None] * spring
+
+
+def _offset_variation(points: SkinPoints, at: Projection) -> FloatArray:
+    """Variation of x - y at fixed xi over the k + 6 unknowns; (n, 2, k + 6)."""
+    values = shape_functions(at.xi)[0]
+    socket = -np.einsum("na,cd->ncad", values, np.eye(2)).reshape(len(values), 2, 6)
+    return np.concatenate([points.shape, socket], axis=2)
 
 
 def _traction_vector(state: ContactState) -> FloatArray:

@@ -1,0 +1,34 @@
+r"""Linear elasticity in the logarithmic (Hencky) strain, isochoric part.
+
+    psi = mu dev(e):dev(e),   e = ln V,   mu = E / (2 (1 + nu)).
+
+In plane strain (e3 = 0), with d = ln(l1/l2) = e1 - e2 and ln J = e1 + e2,
+
+    dev(e):dev(e) = d^2 / 2 + (ln J)^2 / 6.
+
+The Kirchhoff stress has the deviator 2 mu dev(e). Abaqus's "linear elastic" at large strain applies
+the moduli to the Cauchy stress: a factor of J, which an energy cannot have. For bone and PETG
+(strains below 1 %) nothing of that is measurable; in vessels the deviator differs by their change
+of volume.
+
+Hencky 1928; Anand, On H. Hencky's approximate strain-energy function, 1979,
+doi:10.1115/1.3424532.
+"""
+
+import ufl
+from ufl.core.expr import Expr
+
+from calfsocket.forms.kinematics import log_ratio_squared
+
+
+def energy(q: Expr, J: Expr, mu: Expr) -> Expr:
+    """Isochoric energy per reference volume, MPa.
+
+    Parameters
+    ----------
+    q, J : Expr
+        Invariants of `kinematics`: (l1 - l2)^2 and det F.
+    mu : Expr
+        Shear modulus, MPa.
+    """
+    return mu * (0.5 * log_ratio_squared(q / (2.0 * J)) + ufl.ln(J) ** 2 / 6.0)

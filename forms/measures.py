@@ -1,0 +1,34 @@
+"""Stress of the solved section, all components."""
+
+import ufl
+from ufl.core.expr import Expr
+
+from calfsocket.forms.kinematics import distortion, stretch_difference_squared
+from calfsocket.forms.mixed import LawFields, isochoric
+
+
+def cauchy_stress(law: str, F: Expr, p: Expr, fields: LawFields) -> Expr:
+    r"""Cauchy stress s11, s22, s33, s12 (vector of 4), MPa.
+
+    In the plane sigma = P F^T / J, with P of `mixed.first_piola`. Out of it the energy is not
+    differentiated, but the isochoric part of the stress has no trace in three dimensions:
+
+        sigma = 2 psi_q D(F) F^T / J + (psi_J + p) I,   sigma33 = p - 2 (psi_q q / J + psi_J).
+
+    Parameters
+    ----------
+    law : str
+        "ogden", "yeoh" or "hencky".
+    F : Expr
+        In-plane deformation gradient (2x2).
+    p : Expr
+        Pressure, MPa, > 0 in tension (see `mixed.pressure`).
+    fields : LawFields
+        Parameters of the laws.
+    """
+    by = isochoric(law, F, fields)
+    q, J = stretch_difference_squared(F), ufl.det(F)
+    # One `isochoric` for all components: FFCx compares equal expressions of two for seconds.
+    sigma = 2.0 * by.q / J * distortion(F) * F.T + (by.J + p) * ufl.Identity(2)
+    s33 = p - 2.0 * (by.q * q / J + by.J)
+    return ufl.as_vector([sigma[0, 0], sigma[1, 1], s33, sigma[0, 1]])

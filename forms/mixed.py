@@ -1,0 +1,181 @@
+r"""One weak form for every tissue: displacement u and pressure p.
+
+The total potential per reference volume is
+
+    psi(q, J) + p (J - 1) - p^2 / (2 K),
+
+psi the law's isochoric energy and p > 0 in tension: stationarity in p gives J - 1 = p/K, so that
+U(J) = K/2 (J - 1)^2, which is Abaqus's (J - 1)^2 / D1 with K = 2/D1. Where a tissue is
+incompressible 1/K = 0 and the last term is absent. For "linear elastic" tissues Abaqus has
+p = K ln J instead: in vessels (K = 167 kPa) at 15 kPa J is 0.910 here and 0.914 there; bone and
+PETG do not tell the difference.
+
+The unknown is p_dof, with p = pressure_scale * p_dof and the tissue's shear modulus as the scale,
+so that soft and stiff tissues have unknowns of like size.
+
+All parameters are UFL coefficients and the law is chosen by the integral's cell tag: one compiled
+residual and one compiled tangent serve all regions, tissues and material sets.
+"""
+
+from dataclasses import dataclass
+
+import ufl
+from ufl.core.expr import Expr
+
+from calfsocket.forms import hencky, ogden, yeoh
+from calfsocket.forms.element import QUADRATURE_DEGREE
+from calfsocket.forms.kinematics import (
+    cofactor,
+    deformation_gradient,
+    distortion,
+    stretch_difference_squared,
+)
+
+LAW_IDS = {"ogden": 1, "yeoh": 2, "hencky": 3}
+
+
+@dataclass(frozen=True)
+class LawFields:
+    """Parameters of the laws as UFL coefficients (constant in each cell), or numbers.
+
+    Attributes
+    ----------
+    ogden_mu, ogden_alpha : tuple of Expr
+        Moduli, MPa, and exponents of Ogden's terms in Abaqus's form.
+    c10, c20, c30 : Expr
+        Yeoh's coefficients, MPa.
+    hencky_mu : Expr
+        Hencky's shear modulus, MPa.
+    inverse_bulk : Expr
+        1/K, 1/MPa; 0 where incompressible.
+    pressure_scale : Expr
+        Pressure of a unit value of the unknown, MPa.
+    """
+
+    ogden_mu: tuple[Expr, ...]
+    ogden_alpha: tuple[Expr, ...]
+    c10: Expr
+    c20: Expr
+    c30: Expr
+    hencky_mu: Expr
+    inverse_bulk: Expr
+    pressure_scale: Expr
+
+
+@dataclass(frozen=True)
+class Isochoric:
+    """Isochoric energy psi (MPa) and its derivatives by the invariants q and J of `kinematics`."""
+
+    psi: Expr
+    q: Expr
+    J: Expr
+    qq: Expr
+    qJ: Expr
+    JJ: Expr
+
+
+def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
+    """Isochoric energy of a law per reference volume at F (2x2), with its derivatives."""
+    q = ufl.variable(stretch_difference_squared(F))
+    J = ufl.variable(ufl.det(F))
+    match law:
+        case "ogden":
+            psi = ogden.energy(q, J, fields.ogden_mu, fields.ogden_alpha)
+        case "yeoh":
+            psi = yeoh.energy(q, J, fields.c10, fields.c20, fields.c30)
+        case "hencky":
+            psi = hencky.energy(q, J, fields.hencky_mu)
+        case _:
+            raise ValueError(f"law {law!r} is not one of {', '.join(LAW_IDS)}")
+    by_q, by_J = ufl.diff(psi, q), ufl.diff(psi, J)
+    return Isochoric(psi, by_q, by_J, ufl.diff(by_q, q), ufl.diff(by_q, J), ufl.diff(by_J, J))
+
+
+def pressure(p_dof: Expr, fields: LawFields) -> Expr:
+    """Pressure p in MPa, > 0 in tension, of the unknown p_dof."""
+    return fields.pressure_scale * p_dof
+
+
+def first_piola(law: str, F: Expr, p: Expr, fields: LawFields) -> Expr:
+    """First Piola-Kirchhoff stress P = 2 psi_q D(F) + (psi_J + p) cof F (2x2), MPa.
+
+    Parameters
+    ----------
+    law : str
+        "ogden", "yeoh" or "hencky".
+    F : Expr
+        In-plane deformation gradient (2x2).
+    p : Expr
+        Pressure, MPa, > 0 in tension (see `pressure`).
+    fields : LawFields
+        Parameters of the laws.
+    """
+    by = isochoric(law, F, fields)
+    return 2.0 * by.q * distortion(F) + (by.J + p) * cofactor(F)
+
+
+def first_piola_increment(
+    law: str, F: Expr, p: Expr, dF: Expr, dp: Expr, fields: LawFields
+) -> Expr:
+    """Return the derivative of `first_piola` in the direction (dF, dp) (2x2), MPa.
+
+    The same as `ufl.derivative` gives, but compiled in half the time: the law is differentiated by
+    its two invariants only, and D and cof are linear.
+    """
+    by = isochoric(law, F, fields)
+    D, C = distortion(F), cofactor(F)
+    dq = 2.0 * ufl.inner(D, dF)
+    dJ = ufl.inner(C, dF)
+    return (
+        2.0 * by.q * distortion(dF)
+        + (by.J + p) * cofactor(dF)
+        + 2.0 * (by.qq * dq + by.qJ * dJ) * D
+        + (by.qJ * dq + by.JJ * dJ + dp) * C
+    )
+
+
+def volume_measure(domain: ufl.Mesh, law_tags: object) -> ufl.Measure:
+    """Return dx with the quadrature of the section and the cell tags of the laws (`LAW_IDS`)."""
+    return ufl.Measure(
+        "dx",
+        domain=domain,
+        subdomain_data=law_tags,
+        metadata={"quadrature_degree": QUADRATURE_DEGREE},
+    )
+
+
+def potential(w: Expr, fields: LawFields, dx: ufl.Measure) -> ufl.Form:
+    """Total potential of the mixed function w = (u, p_dof), N mm per mm of limb length."""
+    u, p_dof = ufl.split(w)
+    F, p = deformation_gradient(u), pressure(p_dof, fields)
+    volumetric = p * (ufl.det(F) - 1.0) - 0.5 * p**2 * fields.inverse_bulk
+    return sum(
+        (isochoric(law, F, fields).psi + volumetric) * dx(law_id) for law, law_id in LAW_IDS.items()
+    )
+
+
+def residual(w: Expr, fields: LawFields, dx: ufl.Measure) -> ufl.Form:
+    """First variation of `potential`: internal force of w = (u, p_dof), N/mm."""
+    u, p_dof = ufl.split(w)
+    v, p_test = ufl.TestFunctions(w.ufl_function_space())
+    F, p = deformation_gradient(u), pressure(p_dof, fields)
+    volumetric = pressure(p_test, fields) * (ufl.det(F) - 1.0 - p * fields.inverse_bulk)
+    return sum(
+        (ufl.inner(first_piola(law, F, p, fields), ufl.grad(v)) + volumetric) * dx(law_id)
+        for law, law_id in LAW_IDS.items()
+    )
+
+
+def tangent(w: Expr, fields: LawFields, dx: ufl.Measure) -> ufl.Form:
+    """Second variation of `potential` (symmetric): the derivative of `residual`, N/mm^2."""
+    u, p_dof = ufl.split(w)
+    v, p_test = ufl.TestFunctions(w.ufl_function_space())
+    du, dp_dof = ufl.TrialFunctions(w.ufl_function_space())
+    F, p = deformation_gradient(u), pressure(p_dof, fields)
+    dF, dp = ufl.grad(du), pressure(dp_dof, fields)
+    volumetric = pressure(p_test, fields) * (ufl.inner(cofactor(F), dF) - dp * fields.inverse_bulk)
+    return sum(
+        (ufl.inner(first_piola_increment(law, F, p, dF, dp, fields), ufl.grad(v)) + volumetric)
+        * dx(law_id)
+        for law, law_id in LAW_IDS.items()
+    )

@@ -1,0 +1,46 @@
+r"""Ogden's law, isochoric part.
+
+    psi = sum_i 2 mu_i / alpha_i^2 (lb1^alpha_i + lb2^alpha_i + lb3^alpha_i - 3),
+
+lb_k = J^(-1/3) l_k the three deviatoric stretches (plane strain: l3 = 1). This is Abaqus's form;
+the initial shear modulus is mu_0 = sum_i mu_i. The paper's equation (1) has mu_i/alpha_i in front:
+the same energy with every mu_i multiplied by alpha_i/2, which is how `calfsocket.laws.Ogden` offers
+it.
+
+With s = J^(alpha/6), d = ln(l1/l2) and l1^a + l2^a = 2 J^(a/2) cosh(a d/2), the bracket is
+
+    2 s (cosh(alpha d/2) - 1) + (s - 1)^2 (2 s + 1) / s^2,
+
+where neither term cancels near F = I.
+
+Ogden, Large deformation isotropic elasticity, 1972, doi:10.1098/rspa.1972.0026.
+"""
+
+from collections.abc import Sequence
+
+import ufl
+from ufl.core.expr import Expr
+
+from calfsocket.forms.kinematics import cosh_minus_one, log_ratio_squared
+
+
+def energy(q: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Expr:
+    """Isochoric energy per reference volume, MPa.
+
+    Parameters
+    ----------
+    q, J : Expr
+        Invariants of `kinematics`: (l1 - l2)^2 and det F.
+    mu : sequence of Expr
+        Moduli of the terms in MPa; one of zero switches its term off.
+    alpha : sequence of Expr
+        Exponents, not zero.
+    """
+    d_squared = log_ratio_squared(q / (2.0 * J))
+    log_J = ufl.ln(J)
+    psi = 0.0
+    for mu_i, alpha_i in zip(mu, alpha, strict=True):
+        s = ufl.exp(alpha_i * log_J / 6.0)
+        distorted = 2.0 * s * cosh_minus_one(0.25 * alpha_i**2 * d_squared)
+        psi += 2.0 * mu_i / alpha_i**2 * (distorted + (s - 1.0) ** 2 * (2.0 * s + 1.0) / s**2)
+    return psi

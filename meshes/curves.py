@@ -1,0 +1,181 @@
+"""Closed curves: periodic cubic splines, and the ellipses and offsets interpolated by them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline, make_interp_spline
+
+Array = NDArray[np.float64]
+#: Points on a curve, mm, shape (n, 2) -> how far to move them outward, mm, shape (n,).
+Distance = Callable[[Array], Array]
+
+#: Largest distance, mm, between a curve and the cubic spline that stands for it in the model.
+INTERPOLATION_TOLERANCE = 5e-4
+#: Pieces at which interpolation gives up; curves of a limb need a tenth of it.
+MAX_KNOTS = 2000
+
+
+@dataclass(frozen=True)
+class ClosedCurve:
+    """A simple closed curve in the plane, x(t) for t in [0, period], counter-clockwise.
+
+    Parameters
+    ----------
+    spline
+        Periodic C2 cubic spline with values in mm, shape (2,).
+    """
+
+    spline: CubicSpline
+
+    @property
+    def knots(self) -> Array:
+        """Knots of the spline, from 0 to the period."""
+        return self.spline.x
+
+    @property
+    def period(self) -> float:
+        """Parameter at which the curve closes."""
+        return float(self.spline.x[-1])
+
+    def evaluate(self, t: ArrayLike, derivative: int = 0) -> Array:
+        """Return x(t), mm, or a derivative of it, shape (..., 2)."""
+        return self.spline(t, derivative)
+
+    def tangent(self, t: ArrayLike) -> Array:
+        """Return the unit tangent, counter-clockwise, shape (..., 2)."""
+        velocity = self.evaluate(t, 1)
+        return velocity / np.linalg.norm(velocity, axis=-1, keepdims=True)
+
+    def normal(self, t: ArrayLike) -> Array:
+        """Return the outward unit normal, shape (..., 2)."""
+        tangent = self.tangent(t)
+        return np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
+
+    def curvature(self, t: ArrayLike) -> Array:
+        """Return the signed curvature, 1/mm, positive where the curve is convex."""
+        velocity, acceleration = self.evaluate(t, 1), self.evaluate(t, 2)
+        cross = velocity[..., 0] * acceleration[..., 1] - velocity[..., 1] * acceleration[..., 0]
+        return cross / np.linalg.norm(velocity, axis=-1) ** 3
+
+    def integrate(self, integrand: Callable[[Array], Array]) -> float:
+        """Integrate a function of t over the period with four Gauss points a knot interval."""
+        points, weights = np.polynomial.legendre.leggauss(4)
+        half = np.diff(self.knots)[:, None] / 2
+        t = (self.knots[:-1, None] + half) + half * points
+        return float(np.sum(half * weights * integrand(t)))
+
+    @cached_property
+    def area(self) -> float:
+        """Enclosed area, mm^2: half the integral of x y' - y x', exact for a cubic spline."""
+
+        def integrand(t: Array) -> Array:
+            x, velocity = self.evaluate(t), self.evaluate(t, 1)
+            return (x[..., 0] * velocity[..., 1] - x[..., 1] * velocity[..., 0]) / 2
+
+        return self.integrate(integrand)
+
+    @cached_property
+    def perimeter(self) -> float:
+        """Length, mm."""
+        return self.integrate(lambda t: np.linalg.norm(self.evaluate(t, 1), axis=-1))
+
+    def sample(self, step: float) -> Array:
+        """Return parameters of points at most `step` mm apart along the curve, start included."""
+        per_interval = 8
+        t = np.linspace(self.knots[:-1], self.knots[1:], per_interval, endpoint=False).T.ravel()
+        t = np.append(t, self.period)
+        chords = np.linalg.norm(np.diff(self.evaluate(t), axis=0), axis=1)
+        arc = np.concatenate([[0.0], np.cumsum(chords)])
+        # Chords are a little short of arcs: a fifth more points keep the promise.
+        count = int(np.ceil(1.2 * arc[-1] / step))
+        return np.interp(np.linspace(0.0, arc[-1], count, endpoint=False), arc, t)
+
+    def b_spline(self) -> tuple[int, Array, NDArray[np.int64], Array]:
+        """Return degree, knots, multiplicities and control points of the same curve.
+
+        The B-spline is clamped: it interpolates its first control point, which is also the last.
+        The outer knots have the multiplicity of a periodic B-spline, the degree, and not one more.
+        """
+        ends = self.evaluate([0.0, self.period], 1)
+        b_spline = make_interp_spline(
+            self.knots,
+            self.evaluate(self.knots),
+            k=3,
+            bc_type=([(1, ends[0])], [(1, ends[1])]),
+        )
+        multiplicities = np.ones(len(self.knots), dtype=np.int64)
+        multiplicities[[0, -1]] = 3
+        return 3, self.knots, multiplicities, b_spline.c
+
+
+def through(points: ArrayLike) -> ClosedCurve:
+    """Return the periodic C2 cubic spline through the points, parameter = cumulative chord length.
+
+    Parameters
+    ----------
+    points
+        Counter-clockwise, the first not repeated, mm, shape (n, 2).
+    """
+    closed = np.asarray(points, dtype=float)
+    closed = np.concatenate([closed, closed[:1]])
+    chords = np.linalg.norm(np.diff(closed, axis=0), axis=1)
+    t = np.concatenate([[0.0], np.cumsum(chords)])
+    return ClosedCurve(CubicSpline(t, closed, bc_type="periodic"))
+
+
+def interpolated(exact: Callable[[Array], Array], knots: Array) -> ClosedCurve:
+    """Return a spline through x = `exact`(t), refined until it is within the tolerance.
+
+    Parameters
+    ----------
+    exact
+        The curve, periodic: parameters of shape (n,) -> points in mm of shape (n, 2).
+    knots
+        Parameters of the first attempt, from 0 to the period, shape (m,). An interval is halved
+        while the spline is more than `INTERPOLATION_TOLERANCE` away from `exact` at a quarter,
+        half or three quarters of it. Where `exact` is not smooth, a knot saves many others.
+    """
+    while len(knots) < MAX_KNOTS:
+        points = exact(knots)
+        points[-1] = points[0]  # equal but for rounding; the spline wants it exact
+        curve = ClosedCurve(CubicSpline(knots, points, bc_type="periodic"))
+        between = knots[:-1] + np.diff(knots) * np.array([[0.25], [0.5], [0.75]])
+        errors = np.linalg.norm(curve.evaluate(between) - exact(between.ravel()).reshape(3, -1, 2), axis=-1)
+        poor = errors.max(axis=0) > INTERPOLATION_TOLERANCE
+        if not poor.any():
+            return curve
+        knots = np.sort(np.concatenate([knots, between[1, poor]]))
+    raise ValueError(f"a curve is too rough to interpolate with {MAX_KNOTS} cubic pieces")
+
+
+def ellipse(center: ArrayLike, semi_axes: ArrayLike, angle: float) -> ClosedCurve:
+    """Return an ellipse; centre and semi-axes (a, b) in mm, `angle` of a from +x in degrees."""
+    (a, b), turn = np.asarray(semi_axes, dtype=float), np.deg2rad(angle)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+
+    def exact(t: Array) -> Array:
+        local = np.stack([a * np.cos(t), b * np.sin(t)], axis=-1)
+        return np.asarray(center, dtype=float) + local @ rotation.T
+
+    return interpolated(exact, np.linspace(0.0, 2 * np.pi, 9))
+
+
+def offset(curve: ClosedCurve, distance: Distance) -> ClosedCurve:
+    """Return a curve moved along its outward normal.
+
+    Parameters
+    ----------
+    curve
+        The curve to move; the result has its parameter.
+    distance
+        Points on the curve, mm, shape (n, 2) -> distance outward, mm, shape (n,).
+    """
+
+    def exact(t: Array) -> Array:
+        points = curve.evaluate(t)
+        return points + distance(points)[:, None] * curve.normal(t)
+
+    return interpolated(exact, curve.knots)

@@ -1,0 +1,106 @@
+"""The mesh on all ranks: built on one, distributed to the others."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import dolfinx
+import numpy as np
+from dolfinx.io import gmshio
+from dolfinx.io.utils import distribute_entity_data
+from dolfinx.mesh import GhostMode, Mesh, MeshTags
+
+from calfsocket.meshes.gmsh_model import LINE3, TRIANGLE6
+from calfsocket.meshes.triangles import TriangleMesh
+
+
+@dataclass(frozen=True)
+class SectionMesh:
+    """A limb and its socket, two bodies in one dolfinx mesh of curved (quadratic) triangles.
+
+    Parameters
+    ----------
+    mesh
+        Lengths in mm; cells that share a facet with a neighbouring rank's cells are ghosted.
+    cell_tags
+        Region of each cell, owned or ghost.
+    facet_tags
+        Boundary of each facet on a named boundary, owned or ghost.
+    regions, boundaries
+        Name -> tag, the same on all ranks.
+
+    Notes
+    -----
+    dolfinx renumbers cells and nodes, and differently for each number of ranks. Two arrays lead
+    back to the numbering of gmsh, which depends on the input alone:
+    ``mesh.topology.original_cell_index[c]`` is the row of local cell c (ghosts included) in
+    ``TriangleMesh.cells``, and ``mesh.geometry.input_global_indices[n]`` the row of local node n
+    in ``TriangleMesh.points``. Results gathered in the order of these are the same on any number
+    of ranks.
+    """
+
+    mesh: Mesh
+    cell_tags: MeshTags
+    facet_tags: MeshTags
+    regions: dict[str, int]
+    boundaries: dict[str, int]
+
+
+def distribute(comm: MPI.Comm, build: Callable[[], TriangleMesh]) -> SectionMesh:
+    """Call `build` on rank 0 of `comm` and return its mesh on all ranks.
+
+    An exception raised by `build` is raised on every rank: no rank waits for a mesh that will
+    never come.
+    """
+    triangles: TriangleMesh | None = None
+    failure: Exception | None = None
+    if comm.rank == 0:
+        try:
+            triangles = build()
+        except Exception as error:  # whatever it is, the other ranks must hear of it
+            failure = error
+    names = None if triangles is None else (triangles.regions, triangles.boundaries)
+    failure, names = comm.bcast((failure, names), root=0)
+    if failure is not None:
+        raise failure
+    assert names is not None
+    if triangles is None:  # other ranks contribute nothing
+        triangles = TriangleMesh(
+            points=np.empty((0, 2)),
+            cells=np.empty((0, 6), dtype=np.int64),
+            cell_tags=np.empty(0, dtype=np.int32),
+            facets=np.empty((0, 3), dtype=np.int64),
+            facet_tags=np.empty(0, dtype=np.int32),
+            regions=names[0],
+            boundaries=names[1],
+        )
+
+    domain = gmshio.ufl_mesh(TRIANGLE6, 2, dtype=np.float64)
+    cell_type = dolfinx.mesh.CellType
+    cells = triangles.cells[:, gmshio.cell_perm_array(cell_type.triangle, 6)].copy()
+    facets = triangles.facets[:, gmshio.cell_perm_array(cell_type.interval, 3)].copy()
+    mesh = dolfinx.mesh.create_mesh(
+        comm,
+        cells,
+        triangles.points.copy(),
+        domain,
+        dolfinx.mesh.create_cell_partitioner(GhostMode.shared_facet),
+    )
+
+    def tags(dim: int, entities: np.ndarray, values: np.ndarray, name: str) -> MeshTags:
+        local_entities, local_values = distribute_entity_data(mesh, dim, entities, values)
+        mesh.topology.create_connectivity(dim, 0)
+        mesh.topology.create_connectivity(dim, mesh.topology.dim)
+        adjacency = dolfinx.cpp.graph.AdjacencyList_int32(local_entities)
+        meshtags = dolfinx.mesh.meshtags_from_entities(mesh, dim, adjacency, local_values)
+        meshtags.name = name
+        return meshtags
+
+    return SectionMesh(
+        mesh=mesh,
+        cell_tags=tags(2, cells, triangles.cell_tags, "cell_tags"),
+        facet_tags=tags(1, facets, triangles.facet_tags, "facet_tags"),
+        regions=triangles.regions,
+        boundaries=triangles.boundaries,
+    )

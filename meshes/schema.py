@@ -1,0 +1,69 @@
+"""JSON files read into frozen, checked models; what is wrong is said in one line."""
+
+import difflib
+import json
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+
+from calfsocket.errors import InputError
+
+
+def nearest(key: str, allowed: Collection[str]) -> str:
+    """Return '; did you mean ...?' when a name is likely misspelt, else the names allowed."""
+    close = difflib.get_close_matches(key, allowed, n=1)
+    return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(sorted(allowed))}"
+
+
+class Strict(BaseModel):
+    """A model that cannot be changed and that takes no key it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: Any) -> Any:
+        """Name the nearest key when one is unknown, which pydantic's own check does not."""
+        if isinstance(data, dict):
+            for key in data:
+                if key not in cls.model_fields:
+                    raise ValueError(f"unknown key '{key}'; {nearest(key, cls.model_fields)}")
+        return data
+
+
+Model = TypeVar("Model", bound=Strict)
+
+
+def read_json(path: Path, model: type[Model]) -> Model:
+    """Read and check a file; raise an InputError naming the file and the key otherwise."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    try:
+        content = json.loads(text, object_pairs_hook=_unique)
+        return model.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        # A curve's type, which pydantic puts into the path, is no key of the file.
+        place = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(f"{path}: {place + ': ' if place else ''}{message}") from error
+    except (json.JSONDecodeError, UnicodeDecodeError, _RepeatedKeyError) as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+class _RepeatedKeyError(ValueError):
+    """A key stands twice in one object; JSON readers would silently take the last."""
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make an object of its pairs, refusing repeated keys."""
+    content: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in content:
+            raise _RepeatedKeyError(f"key '{key}' stands twice in one object; keep one")
+        content[key] = value
+    return content

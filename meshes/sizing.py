@@ -1,0 +1,133 @@
+"""How large the triangles are, and where."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calfsocket.errors import InputError
+from calfsocket.meshes.curves import Array, ClosedCurve
+from calfsocket.meshes.schema import nearest
+
+#: Distance of the points that stand for a curve, mm.
+SAMPLE_STEP = 0.1
+#: Spacing of the grid on which the size is given to gmsh, mm.
+GRID_STEP = 0.25
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """Parameters of the element size; lengths of triangle sides in mm.
+
+    On a curve the size is ``gap_fraction`` times the distance to the nearest other curve, but at
+    least ``smallest`` and at most ``on_curves`` (``on_skin`` on the contact surface), and never
+    more than ``curvature_fraction`` times the radius of curvature. From there it grows by
+    ``growth`` per mm of distance, up to ``largest``.
+    """
+
+    name: str
+    gap_fraction: float
+    curvature_fraction: float
+    smallest: float
+    on_curves: float
+    on_skin: float
+    growth: float
+    largest: float
+    socket_inner: float
+    socket_outer: float
+
+
+SIZES = {
+    size.name: size
+    for size in (
+        #        name     gap   curv small curves skin grow large  inner outer
+        MeshSize("coarse", 1.70, 0.6, 0.70, 1.70, 1.70, 1.00, 6.0, 1.70, 2.20),
+        MeshSize("medium", 1.00, 0.6, 0.50, 1.10, 1.00, 0.75, 5.0, 1.10, 1.60),
+        MeshSize("paper", 0.57, 0.6, 0.28, 0.60, 0.60, 0.60, 4.5, 0.70, 1.15),
+    )
+}
+
+
+def mesh_size(name: str) -> MeshSize:
+    """Return the size of this name."""
+    if name not in SIZES:
+        raise InputError(f"size: no mesh size '{name}'; {nearest(name, SIZES)}")
+    return SIZES[name]
+
+
+@dataclass(frozen=True)
+class SizeField:
+    """Element size on a regular grid.
+
+    Parameters
+    ----------
+    origin
+        Lower left corner, mm, shape (2,).
+    values
+        Size in mm at origin + GRID_STEP * (i, j), shape (n_x, n_y).
+    """
+
+    origin: Array
+    values: Array
+
+    def write(self, path: Path) -> None:
+        """Write the binary file that gmsh's field `Structured` reads: a grid one layer thick."""
+        with path.open("wb") as file:
+            np.array([*self.origin, 0.0, GRID_STEP, GRID_STEP, 1.0]).tofile(file)
+            np.array([*self.values.shape, 1], dtype=np.int32).tofile(file)
+            np.ascontiguousarray(self.values, dtype=np.float64).tofile(file)
+
+
+def limb_field(loops: Mapping[str, ClosedCurve], contact: str, size: MeshSize) -> SizeField:
+    """Return the element size of the limb, from its curves; `contact` names the skin's outline."""
+    parameters = {name: curve.sample(SAMPLE_STEP) for name, curve in loops.items()}
+    points = {name: loops[name].evaluate(t) for name, t in parameters.items()}
+    sizes = []
+    for name, curve in loops.items():
+        others = np.concatenate([p for other, p in points.items() if other != name])
+        gap = cKDTree(others).query(points[name])[0]
+        with np.errstate(divide="ignore"):
+            radius = 1 / np.abs(curve.curvature(parameters[name]))
+        most = size.on_skin if name == contact else size.on_curves
+        wanted = np.clip(size.gap_fraction * gap, size.smallest, most)
+        sizes.append(np.minimum(wanted, size.curvature_fraction * radius))
+    return _spread(np.concatenate(list(points.values())), np.concatenate(sizes), size)
+
+
+def socket_field(inner: ClosedCurve, outer: ClosedCurve, size: MeshSize) -> SizeField:
+    """Return the element size of the socket, from its two faces."""
+    points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in (inner, outer)]
+    sizes = [
+        np.full(len(p), h)
+        for p, h in zip(points, (size.socket_inner, size.socket_outer), strict=True)
+    ]
+    return _spread(np.concatenate(points), np.concatenate(sizes), size)
+
+
+def _spread(points: Array, sizes: Array, size: MeshSize) -> SizeField:
+    """Let the size grow away from points on curves, as steeply as allowed and no steeper."""
+    origin = points.min(axis=0) - 2 * GRID_STEP
+    shape = np.ceil((points.max(axis=0) - origin) / GRID_STEP).astype(int) + 3
+    axes = [origin[i] + GRID_STEP * np.arange(shape[i]) for i in (0, 1)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    # Farther away than this, no curve has a say; the tree then returns an infinite distance.
+    reach = (size.largest - sizes.min()) / size.growth
+    distance, nearest_point = cKDTree(points).query(grid, distance_upper_bound=reach)
+    sizes = np.append(sizes, size.largest)
+    values = np.minimum(sizes[nearest_point] + size.growth * distance, size.largest)
+    # The nearest point need not be the one that asks for the smallest size: pass the limit on
+    # from grid point to grid point until nothing changes any more.
+    diagonal = np.sqrt(2.0)
+    steps = [(1, 0, 1.0), (0, 1, 1.0), (1, 1, diagonal), (1, -1, diagonal)]
+    while True:
+        before = values.copy()
+        for i, j, length in steps:
+            a = values[i:, max(j, 0) : values.shape[1] + min(j, 0)]
+            b = values[: values.shape[0] - i, max(-j, 0) : values.shape[1] - max(j, 0)]
+            rise = size.growth * GRID_STEP * length
+            np.minimum(a, b + rise, out=a)
+            np.minimum(b, a + rise, out=b)
+        if np.max(before - values) < 1e-3 * values.min():
+            return SizeField(origin, values)

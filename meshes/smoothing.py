@@ -1,0 +1,99 @@
+"""Better triangles by moving nodes inside regions; curves, sizes and connections stay."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calfsocket.meshes.quality import NODES, Array, scaled_jacobians
+from calfsocket.meshes.triangles import TriangleMesh
+
+#: Nodes are moved only where a triangle has a smaller scaled Jacobian than this. Up to 0.75 it
+#: raises the first percentile; 0.85 costs a third more and gains nothing.
+POOR = 0.75
+#: Rounds over these nodes; the first percentile after 3, 6, 12 of them is 0.684, 0.687, 0.687.
+ROUNDS = 3
+
+
+def smooth(mesh: TriangleMesh) -> TriangleMesh:
+    """Return the mesh with its poor triangles improved, in the measure that is reported.
+
+    A corner node inside a region is moved to the better of two places, the centroid of its
+    neighbours and the mean of the tips that would make its triangles equilateral, the poorest
+    counting most, and only if the worst scaled Jacobian of its curved triangles rises. Neighbours
+    never move at once, so that no move spoils another. Nodes on curves stay, and sides inside a
+    region stay straight. gmsh's own smoothing does less and takes seconds.
+    """
+    points = mesh.points.copy()
+    free = _inside_regions(mesh)
+    # A row for each corner of each triangle, turned so that this corner comes first.
+    turned = np.concatenate(
+        [
+            np.column_stack([np.roll(mesh.cells[:, half], -turn, axis=1) for half in _HALVES])
+            for turn in range(3)
+        ]
+    )
+    turned = turned[free[turned[:, 0]]]
+    turned = turned[np.argsort(turned[:, 0], kind="stable")]
+    for _ in range(ROUNDS):
+        poor = scaled_jacobians(points[turned], NODES) < POOR
+        active = turned[np.isin(turned[:, 0], turned[poor, 0])]
+        for group in _independent(active):
+            _improve(points, active[np.isin(active[:, 0], group)])
+    return replace(mesh, points=points)
+
+
+_HALVES = (slice(0, 3), slice(3, 6))  # corners, nodes between them
+
+
+def _inside_regions(mesh: TriangleMesh) -> np.ndarray:
+    """Return which nodes lie on no curve: one region only, and no named boundary."""
+    regions = np.zeros(len(mesh.points), dtype=np.int64)
+    for tag in mesh.regions.values():
+        regions[np.unique(mesh.cells[mesh.cell_tags == tag])] += 1
+    free = regions == 1
+    free[mesh.facets] = False
+    return free
+
+
+def _independent(rows: np.ndarray) -> list[list[int]]:
+    """Sort the first nodes of rows into groups in which no two share a triangle."""
+    neighbours: dict[int, set[int]] = {}
+    for node, following, previous in rows[:, :3].tolist():
+        neighbours.setdefault(node, set()).update((following, previous))
+    group_of: dict[int, int] = {}
+    groups: list[list[int]] = []
+    for node, others in neighbours.items():
+        taken = {group_of[other] for other in others if other in group_of}
+        group = next(number for number in range(len(groups) + 1) if number not in taken)
+        if group == len(groups):
+            groups.append([])
+        groups[group].append(node)
+        group_of[node] = group
+    return groups
+
+
+def _improve(points: Array, rows: np.ndarray) -> None:
+    """Move the first nodes of rows, sorted by them and independent, where that is better."""
+    nodes, first, pairs = np.unique(rows[:, 0], return_index=True, return_counts=True)
+    x = points[rows]
+    quality = scaled_jacobians(x, NODES)
+    best = np.minimum.reduceat(quality, first)
+    start, end = x[:, 1], x[:, 2]
+    weight = 1 / np.clip(quality, 0.05, None) ** 2
+    chord = end - start
+    tip = (start + end) / 2 + np.sqrt(3) / 2 * np.stack([-chord[:, 1], chord[:, 0]], axis=1)
+    mean_tip = np.add.reduceat(weight[:, None] * tip, first) / np.add.reduceat(weight, first)[:, None]
+    centroid = np.add.reduceat(start, first) / pairs[:, None]
+    place = points[nodes]
+    for target in (mean_tip, centroid):
+        for fraction in (1.0, 0.5):
+            trial = (1 - fraction) * points[nodes] + fraction * target
+            moved = np.repeat(trial, pairs, axis=0)
+            x[:, 0] = moved
+            x[:, 3], x[:, 5] = (moved + start) / 2, (moved + end) / 2
+            worst = np.minimum.reduceat(scaled_jacobians(x, NODES), first)
+            better = worst > best
+            place[better], best[better] = trial[better], worst[better]
+    points[nodes] = place
+    points[rows[:, 3]] = (points[rows[:, 0]] + points[rows[:, 1]]) / 2
+    points[rows[:, 5]] = (points[rows[:, 0]] + points[rows[:, 2]]) / 2

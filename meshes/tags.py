@@ -1,0 +1,18 @@
+"""Integer tags of the mesh, the one place that knows them; everywhere else regions have names."""
+
+SOCKET = "socket"
+SKIN_SURFACE = "skin_surface"
+SOCKET_INNER = "socket_inner"
+SOCKET_OUTER = "socket_outer"
+TIBIA_MEDULLARY = "tibia_medullary"
+
+#: Tag of the socket ring. The limb's regions carry the ids of their data file, all below it.
+SOCKET_ID = 100
+
+#: Boundary name -> facet tag; disjoint from the region ids, so that no number means two things.
+BOUNDARIES = {
+    SKIN_SURFACE: 201,
+    SOCKET_INNER: 202,
+    SOCKET_OUTER: 203,
+    TIBIA_MEDULLARY: 204,
+}

@@ -1,0 +1,68 @@
+"""A concentric limb in a smaller socket: `python3 ring_model.py` prints its state as JSON."""
+
+import json
+import sys
+
+from mpi4py import MPI
+
+import numpy as np
+
+from calfsocket.gather import contact_line, section_fields
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import Model, SocketSupport
+from calfsocket.stepping import StepControl, Stepper
+from calfsocket.tissues import material_set
+
+LAYERS = [
+    ("bone", 10.0, 14.0),
+    ("muscle", 14.0, 26.0),
+    ("fat", 26.0, 30.0),
+    ("skin", 30.0, 32.0),
+]
+SOCKET = (31.8, 36.0)
+TISSUES = {name: name for name in ("bone", "muscle", "fat", "skin", "socket")}
+
+
+def ring_model(comm: MPI.Comm, support: SocketSupport = "floating", h: float = 3.0) -> Model:
+    """Make the model; the overclosure of 0.2 mm is 0.6 % of the radius."""
+    laws = material_set("separate")
+    section = ring_mesh(comm, LAYERS, SOCKET, h)
+    return Model(section, {name: laws[name] for name in section.regions}, socket_support=support)
+
+
+def solved_ring(comm: MPI.Comm) -> Stepper:
+    """Solve it."""
+    stepper = Stepper(ring_model(comm), StepControl(first=0.5, largest=0.5))
+    stepper.run()
+    return stepper
+
+
+def describe(comm: MPI.Comm) -> dict[str, object] | None:
+    """Sum the solved ring up, on rank 0."""
+    stepper = solved_ring(comm)
+    fields = section_fields(stepper.model, TISSUES)
+    line = contact_line(stepper.model)
+    balance = stepper.model.force_balance(stepper.solver.x)
+    volume_ratio, region = stepper.model.smallest_volume_ratio()
+    negative = stepper.solver.negative_modes()
+    if fields is None or line is None:
+        return None
+    return {
+        "newton": [step.newton.iterations for step in stepper.steps],
+        "pressing": balance[1],
+        "imbalance": balance[0] / balance[1],
+        "volume_ratio": volume_ratio,
+        "region": region,
+        "negative_modes": negative,
+        "arc": line.arc_mm.tolist(),
+        "pressure": line.pressure_kPa.tolist(),
+        "displacement": np.ravel(fields.displacement).tolist(),
+        "stress": np.ravel(fields.stress).tolist(),
+        "points": np.ravel(fields.points).tolist(),
+    }
+
+
+if __name__ == "__main__":
+    result = describe(MPI.COMM_WORLD)
+    if result is not None:
+        json.dump(result, sys.stdout)

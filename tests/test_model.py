@@ -1,0 +1,152 @@
+"""The assembled model on a ring: tangent, equilibrium, stability, ranks."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from ring_model import SOCKET, describe, ring_model, solved_ring
+
+from calfsocket.contact.friction import SLIP, STICK
+from calfsocket.errors import SolveError
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import Model
+from calfsocket.stepping import StepControl, Stepper
+from calfsocket.tissues import material_set
+
+
+@pytest.fixture(scope="module")
+def solved():
+    return solved_ring(MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.01])
+def test_assembled_tangent_is_the_derivative_of_the_residual(turn):
+    """Stuck, and slipping after the socket was turned by more than friction holds."""
+    model = ring_model(MPI.COMM_SELF, h=6.0)
+    model.contact.load = 0.5
+    x, A = model.create_vector(), model.create_matrix()
+    rng = np.random.default_rng(4)
+    socket = model.section.cell_tags.find(model.section.regions["socket"])
+    for component, sign in ((0, -1.0), (1, 1.0)):
+        space, dofs = model.V.sub(0).sub(component).collapse()
+        at = space.dofmap.list[socket]
+        nodes = np.zeros((space.dofmap.index_map.size_local, 3))
+        nodes[:] = space.tabulate_dof_coordinates()
+        x.array[np.array(dofs)[at]] = sign * turn * nodes[at, 1 - component]
+    x.array[:] += 1e-4 * rng.normal(size=x.getLocalSize())
+    x.array[model.held] = 0.0
+    f, plus, minus, direction = (x.duplicate() for _ in range(4))
+    model.residual(x, f)
+    status = model.contact.state().traction.status
+    assert np.all(status == (SLIP if turn else STICK))
+    model.tangent(x, A)
+    direction.array[:] = rng.normal(size=x.getLocalSize())
+    direction.array[model.held] = 0.0
+    h = 1e-7
+    model.residual(x + h * direction, plus)
+    model.residual(x - h * direction, minus)
+    difference = (plus - minus) / (2 * h)
+    error = (A * direction - difference).norm() / difference.norm()
+    assert error < 1e-6
+
+
+def test_ring_equilibrium(solved):
+    model = solved.model
+    imbalance, pressing = model.force_balance(solved.solver.x)
+    line_force = 2 * np.pi * SOCKET[0]
+    assert imbalance / pressing < 1e-6
+    # The pressure of a ring is uniform: mean times circumference is the pressing force.
+    state = model.contact.state()
+    pressure = state.traction.pressure
+    assert pressure.std() / pressure.mean() < 2e-3
+    assert pressing == pytest.approx(pressure.mean() * line_force, rel=1e-2)
+    assert model.contact.largest_gap() < 1e-2
+    assert model.smallest_volume_ratio()[0] > 0
+    assert solved.solver.negative_modes() == 0
+
+
+def test_newton_converges_quadratically(solved):
+    for step in solved.steps:
+        before, last = step.newton.history[-3:-1]
+        assert last < 1e-2 * before
+        assert step.newton.converged
+        assert step.newton.residual < 1e-9
+
+
+def test_negative_modes_count_what_makes_an_equilibrium_unstable():
+    """A thin stiff ring in soft tissue buckles under hoop compression; Newton does not notice."""
+    layers = [("muscle", 14.0, 40.0), ("fascia", 40.0, 41.0), ("fat", 41.0, 46.0)]
+    section = ring_mesh(MPI.COMM_SELF, layers, (45.5, 50.0), 2.0)
+    laws = material_set("separate")
+    stepper = Stepper(
+        Model(section, {name: laws[name] for name in section.regions}),
+        StepControl(first=0.1, largest=0.9),
+    )
+    stepper.model.contact.load = 0.1
+    assert stepper.solver.solve().converged
+    assert stepper.solver.negative_modes() == 0
+    stepper.run()
+    # A mode of a ring comes twice, as cosine and as sine.
+    negative = stepper.solver.negative_modes()
+    assert negative > 0
+    assert negative % 2 == 0
+
+
+def test_a_failed_run_keeps_the_last_converged_state():
+    model = ring_model(MPI.COMM_SELF, h=6.0)
+    stepper = Stepper(model, StepControl(first=0.4, smallest=0.05))
+    solve = stepper.solver.solve
+
+    def fails_beyond_half():
+        result = solve()
+        if model.contact.load > 0.5:
+            stepper.solver.x.array[:] = np.nan
+            return replace(result, converged=False, reason="diverged_for_the_test")
+        return result
+
+    stepper.solver.solve = fails_beyond_half
+    with pytest.raises(SolveError, match=r"load 0.4\d+ and 0.5\d+: diverged_for.* in \w+; try"):
+        stepper.run()
+    assert 0.4 < model.contact.load < 0.5
+    assert np.isfinite(model.w.x.array).all()
+    residual = stepper.solver.x.duplicate()
+    model.residual(stepper.solver.x, residual)
+    assert residual.norm() < 1e-9
+
+
+def test_petsc_options_reach_the_solver():
+    options = PETSc.Options("calfsocket_")
+    options["snes_max_it"] = 1
+    try:
+        stepper = Stepper(ring_model(MPI.COMM_SELF, h=6.0), StepControl(smallest=0.05))
+        with pytest.raises(SolveError, match="max_it"):
+            stepper.run()
+        assert {step.newton.iterations for step in stepper.steps} == {1}
+    finally:
+        del options["snes_max_it"]
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_ranks_agree(ranks, mpirun):
+    one = describe(MPI.COMM_SELF)
+    assert one is not None
+    program = Path(__file__).with_name("ring_model.py")
+    several = json.loads(mpirun(ranks, [os.fspath(program)], timeout=240))
+    assert several["newton"] == one["newton"]
+    assert several["region"] == one["region"]
+    assert several["points"] == one["points"]
+    for key, tolerance in (
+        ("pressing", 1e-9),
+        ("volume_ratio", 1e-9),
+        ("arc", 1e-12),
+        ("pressure", 1e-7),
+    ):
+        np.testing.assert_allclose(several[key], one[key], rtol=tolerance, err_msg=key)
+    np.testing.assert_allclose(several["displacement"], one["displacement"], atol=1e-9)
+    np.testing.assert_allclose(several["stress"], one["stress"], atol=1e-5)

@@ -1,0 +1,116 @@
+"""calfsocket starts from the repository's root, after an editable install, and from a wheel."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import calfsocket
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+VERSION = f"calfsocket {calfsocket.__version__}"
+# The whole way from installed names to installed data.
+READ_DATA = """
+import calfsocket.forms
+from calfsocket.meshes import data
+data.load_limb()
+data.load_sockets()
+"""
+
+
+def run(*command: str | Path, cwd: Path) -> str:
+    """Run a command that knows nothing of this checkout nor of the network."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    process = subprocess.run(
+        [str(word) for word in command],
+        cwd=cwd,
+        env=environment | {"PIP_NO_INDEX": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=300,
+    )
+    assert process.returncode == 0, process.stdout
+    return process.stdout
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a copy of the checkout: building leaves artefacts behind."""
+    copy = tmp_path_factory.mktemp("packaging") / "sources"
+    left_out = shutil.ignore_patterns(
+        ".*", "results*", "__pycache__", "*.egg-info", "build", "dist"
+    )
+    shutil.copytree(REPOSITORY, copy, ignore=left_out)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def wheel(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    build = ["-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", folder]
+    run(sys.executable, *build, sources, cwd=folder)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def install(folder: Path, *what: str | Path) -> Path:
+    """Make an environment that sees Debian's packages, install into it, return its Python."""
+    venv = ["-m", "venv", "--without-pip", "--system-site-packages"]
+    run(sys.executable, *venv, folder / "venv", cwd=folder)
+    python = folder / "venv" / "bin" / "python"
+    run(python, "-m", "pip", "install", "--no-deps", "--no-build-isolation", *what, cwd=folder)
+    return python
+
+
+def test_from_the_repository_root(sources: Path) -> None:
+    assert run(sys.executable, "-m", "calfsocket", "--version", cwd=sources).startswith(VERSION)
+    run(sys.executable, "-c", READ_DATA, cwd=sources)
+
+
+def test_from_elsewhere_after_an_editable_install(sources: Path, tmp_path: Path) -> None:
+    python = install(tmp_path, "--editable", sources)
+    assert run(python, "-m", "calfsocket", "--version", cwd=tmp_path).startswith(VERSION)
+    assert run(tmp_path / "venv/bin/calfsocket", "--version", cwd=tmp_path).startswith(VERSION)
+    run(python, "-c", READ_DATA, cwd=tmp_path)
+    where = "import calfsocket.meshes as m; print(m.__file__)"
+    assert Path(run(python, "-c", where, cwd=tmp_path).strip()) == sources / "meshes/__init__.py"
+
+
+def test_from_a_wheel(wheel: Path, tmp_path: Path) -> None:
+    python = install(tmp_path, wheel)
+    assert run(python, "-m", "calfsocket", "--version", cwd=tmp_path).startswith(VERSION)
+    run(python, "-c", READ_DATA, cwd=tmp_path)
+    (site_packages,) = (tmp_path / "venv" / "lib").glob("python3*/site-packages")
+    top_level = {path.name for path in site_packages.iterdir()}
+    assert top_level == {"calfsocket", f"calfsocket-{calfsocket.__version__}.dist-info"}
+
+
+def test_the_wheel_holds_every_module_and_data_file(sources: Path, wheel: Path) -> None:
+    """A new subpackage that pyproject.toml does not name would be missing."""
+    places = {
+        "calfsocket": "calfsocket",
+        "forms": "calfsocket/forms",
+        "meshes": "calfsocket/meshes",
+    }
+    expected = {
+        Path(place) / path.relative_to(sources / folder)
+        for folder, place in places.items()
+        for path in (sources / folder).rglob("*")
+        if path.suffix in {".py", ".json"}
+    }
+    with zipfile.ZipFile(wheel) as archive:
+        packed = {Path(name) for name in archive.namelist() if "dist-info" not in name}
+    assert packed == expected
+
+
+def test_the_wheel_carries_both_licences(wheel: Path) -> None:
+    """LGPL 3 is a set of permissions added to GPL 3: one is incomplete without the other."""
+    with zipfile.ZipFile(wheel) as archive:
+        texts = {Path(n).name: archive.read(n) for n in archive.namelist() if "/licenses/" in n}
+    assert b"GNU LESSER GENERAL PUBLIC LICENSE" in texts["LICENSE"]
+    assert b"GNU GENERAL PUBLIC LICENSE" in texts["LICENSE.GPL"]
