@@ -14,6 +14,7 @@ from calfsocket.contact.projection import EdgeChain, order_chain
 from calfsocket.contact_line import ContactLine
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.forms.measures import cauchy_stress
 from calfsocket.model import Model
 from calfsocket.section_fields import GAUSS_POINTS, SectionFields
 
@@ -36,18 +37,17 @@ def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionField
     """
     domain = model.section.mesh
     n_cells = domain.topology.index_map(2).size_local
-    cells = np.arange(n_cells, dtype=np.int32)
     nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
-    F, P, p = _stress(model, cells)
+    F, stress, p = _at_gauss_points(model, n_cells)
     gathered = model.comm.gather(
         (
             domain.topology.original_cell_index[:n_cells],
             domain.geometry.input_global_indices[nodes],
             domain.geometry.x[nodes][:, :, :2],
-            _nodal_displacement(model, cells)[:, _VTK_ORDER],
+            _nodal_displacement(model, n_cells)[:, _VTK_ORDER],
             model.region_ids()[:n_cells],
             F,
-            P,
+            stress,
             p,
         ),
         root=0,
@@ -56,7 +56,7 @@ def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionField
         return None
     number, *parts = (np.concatenate(part) for part in zip(*gathered, strict=True))
     order = np.argsort(number)
-    node, x, u, region, F, P, p = (part[order] for part in parts)
+    node, x, u, region, F, stress, p = (part[order] for part in parts)
     points = np.zeros((node.max() + 1, 2))
     displacement = np.zeros_like(points)
     points[node] = x
@@ -69,7 +69,7 @@ def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionField
         region_names=names,
         region_tissues={tag: region_tissues[name] for tag, name in names.items()},
         displacement=displacement,
-        stress=KILOPASCAL * _cauchy(F, P, p),
+        stress=KILOPASCAL * stress,
         deformation_gradient=F,
         pressure=-KILOPASCAL * p,
         gauss_points=GAUSS_POINTS,
@@ -125,44 +125,31 @@ def _turned(edges: NDArray[Any], flipped: NDArray[np.bool_]) -> NDArray[Any]:
     return np.take_along_axis(edges, node_order[:, :, None], axis=1)
 
 
-def _stress(model: Model, cells: NDArray[np.int32]) -> tuple[NDArray[np.float64], ...]:
-    """F, first Piola stress (MPa) and p (MPa, > 0 in tension) at the Gauss points of cells."""
-    domain = model.section.mesh
+def _at_gauss_points(model: Model, n_cells: int) -> tuple[NDArray[np.float64], ...]:
+    """F, Cauchy stress s11, s22, s33, s12 and p (both MPa, > 0 in tension) of the first cells."""
+    domain, fields = model.section.mesh, model.fields
     u, p_dof = ufl.split(model.w)
-    gradient = deformation_gradient(u)
-    p = mixed.pressure(p_dof, model.fields)
+    F, p = deformation_gradient(u), mixed.pressure(p_dof, fields)
 
-    def at_points(expression: Any, where: NDArray[np.int32]) -> NDArray[np.float64]:
-        return fem.Expression(expression, GAUSS_POINTS, comm=model.comm).eval(domain, where)
+    def evaluate(expression: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        return fem.Expression(expression, GAUSS_POINTS, comm=model.comm).eval(domain, cells)
 
-    stress = np.empty((len(cells), 3, 2, 2))
+    stress = np.empty((n_cells, 3, 4))
     for law, tag in mixed.LAW_IDS.items():
-        mine = model.law_tags.find(tag)
-        mine = mine[mine < len(cells)]
-        piola = at_points(mixed.first_piola(law, gradient, p, model.fields), mine)
-        stress[mine] = piola.reshape(-1, 3, 2, 2)
-    F = at_points(gradient, cells).reshape(-1, 3, 2, 2)
-    return F, stress, at_points(p, cells)
+        cells = model.law_tags.find(tag)
+        cells = cells[cells < n_cells]
+        stress[cells] = evaluate(cauchy_stress(law, F, p, fields), cells).reshape(-1, 3, 4)
+    every = np.arange(n_cells, dtype=np.int32)
+    return evaluate(F, every).reshape(-1, 3, 2, 2), stress, evaluate(p, every)
 
 
-def _cauchy(
-    F: NDArray[np.float64], P: NDArray[np.float64], p: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Cauchy stress s11, s22, s33, s12: P F^T / J in the plane; the mean of all three is p."""
-    J = np.linalg.det(F)
-    in_plane = np.einsum("cqij,cqkj->cqik", P, F) / J[..., None, None]
-    s11, s22, s12 = in_plane[..., 0, 0], in_plane[..., 1, 1], in_plane[..., 0, 1]
-    return np.stack([s11, s22, 3.0 * p - s11 - s22, s12], axis=-1)
-
-
-def _nodal_displacement(model: Model, cells: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Displacement at each cell's six nodes in dolfinx's order, mm; (n, 6, 2)."""
-    result = np.empty((len(cells), 6, 2))
+def _nodal_displacement(model: Model, n_cells: int) -> NDArray[np.float64]:
+    """Displacement at the six nodes of the first cells, in dolfinx's order, mm; (n, 6, 2)."""
+    result = np.empty((n_cells, 6, 2))
     for component in range(2):
         dofmap = model.V.sub(0).sub(component).dofmap
         layout = dofmap.dof_layout
         at = [layout.entity_dofs(0, i)[0] for i in range(3)]
         at += [layout.entity_dofs(1, i)[0] for i in range(3)]
-        dofs = np.array([dofmap.cell_dofs(c)[at] for c in cells], dtype=np.int32).reshape(-1, 6)
-        result[:, :, component] = model.w.x.array[dofs]
+        result[:, :, component] = model.w.x.array[dofmap.list[:n_cells, at]]
     return result

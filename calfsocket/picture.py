@@ -225,7 +225,7 @@ def _draw_pressure(axes: Axes, band: PressureBand) -> None:
         axes.text(
             x,
             y,
-            f"{level:g} kPa",
+            f"{level:g} kPa" if level == levels[0] else f"{level:g}",
             fontsize=7,
             color="#333333",
             ha="center",
@@ -285,7 +285,7 @@ def _draw_legend(figure: Figure) -> None:
         [band, lines, bone, socket],
         [
             "contact pressure on the skin",
-            f"its lines of every {PRESSURE_STEP_KPA:g} kPa",
+            f"lines every {PRESSURE_STEP_KPA:g} kPa",
             "bone",
             "socket",
         ],

@@ -1,6 +1,7 @@
 """The limb and the sockets as data: calf.json and sockets.json, read and checked."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,6 +22,14 @@ class SplineCurve(Strict):
 
     type: Literal["spline"]
     points: Annotated[tuple[Point, ...], Field(min_length=4)]
+
+    @field_validator("points")
+    @classmethod
+    def _neighbours_differ(cls, value: tuple[Point, ...]) -> object:
+        for point, following in pairwise((*value, value[0])):
+            if point == following:
+                raise ValueError(f"point {list(point)} follows itself; do not repeat points")
+        return value
 
 
 class EllipseCurve(Strict):
@@ -55,7 +64,7 @@ class Layers(Strict):
         angles = [angle for angle, _ in value]
         if not (0 <= angles[0] and angles[-1] < 360):
             raise ValueError("angles must lie in 0 <= angle < 360 degrees")
-        if any(b <= a for a, b in zip(angles, angles[1:], strict=False)):
+        if any(b <= a for a, b in pairwise(angles)):
             raise ValueError("angles must increase from pair to pair")
         return value
 
@@ -87,8 +96,8 @@ class Limb(Strict):
     title: str
     units: Units
     side: str = ""
-    axes: dict[str, str] = {}
-    curve_types: dict[str, str] = {}
+    axes: dict[str, str] = Field(default_factory=dict)
+    curve_types: dict[str, str] = Field(default_factory=dict)
     fat_law: str = ""
     topology: str = ""
     fixed_boundary: str
@@ -114,7 +123,8 @@ class Limb(Strict):
         for name, curve in self.curves.items():
             if isinstance(curve, OffsetCurve):
                 if curve.of not in self.curves:
-                    yield f"curves.{name}.of: no curve '{curve.of}'; {nearest(curve.of, self.curves)}"
+                    hint = nearest(curve.of, self.curves)
+                    yield f"curves.{name}.of: no curve '{curve.of}'; {hint}"
                 elif isinstance(self.curves[curve.of], OffsetCurve):
                     yield f"curves.{name}.of: '{curve.of}' is an offset itself; name its origin"
         owner: dict[str, str] = {}
@@ -125,11 +135,15 @@ class Limb(Strict):
                 if values.count(value) > 1:
                     yield f"regions: {key} {value} stands for two regions; make each unique"
         for region in self.regions:
-            place = f"regions.{region.name}"
             if region.id >= tags.SOCKET_ID:
-                yield f"{place}.id: {region.id} is reserved; choose one below {tags.SOCKET_ID}"
+                yield (
+                    f"regions.{region.name}.id: {region.id} is reserved;"
+                    f" choose one below {tags.SOCKET_ID}"
+                )
             if region.name == tags.SOCKET:
-                yield f"{place}.name: reserved for the socket; choose another name"
+                yield "regions.socket.name: reserved for the socket itself; choose another"
+        for region in self.regions:
+            place = f"regions.{region.name}"
             for loop in region.loops:
                 if loop not in self.curves:
                     yield f"{place}: no curve '{loop}'; {nearest(loop, self.curves)}"
@@ -216,7 +230,7 @@ class Sockets(Strict):
     applies_to: str = ""
     wall_thickness: PositiveFloat
     wall_rule: str = ""
-    laws: dict[str, str] = {}
+    laws: dict[str, str] = Field(default_factory=dict)
     sockets: Annotated[
         dict[str, Annotated[NormalOffset | CircleBlend, Field(discriminator="law")]],
         Field(min_length=1),

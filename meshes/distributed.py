@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mpi4py import MPI
-
 import dolfinx
 import numpy as np
 from dolfinx.io import gmshio
 from dolfinx.io.utils import distribute_entity_data
 from dolfinx.mesh import GhostMode, Mesh, MeshTags
+from mpi4py import MPI
 
-from calfsocket.meshes.gmsh_model import LINE3, TRIANGLE6
+from calfsocket.errors import CalfsocketError
+from calfsocket.meshes.gmsh_model import TRIANGLE6
 from calfsocket.meshes.triangles import TriangleMesh
 
 
@@ -58,8 +58,11 @@ def distribute(comm: MPI.Comm, build: Callable[[], TriangleMesh]) -> SectionMesh
     if comm.rank == 0:
         try:
             triangles = build()
-        except Exception as error:  # whatever it is, the other ranks must hear of it
+        except CalfsocketError as error:
             failure = error
+        except Exception as error:  # whatever it is, the other ranks must hear of it
+            failure = RuntimeError(f"the mesh was not built: {type(error).__name__}: {error}")
+            failure.__cause__ = error
     names = None if triangles is None else (triangles.regions, triangles.boundaries)
     failure, names = comm.bcast((failure, names), root=0)
     if failure is not None:

@@ -95,8 +95,8 @@ def mesh_order2() -> None:
 def move_nodes(points: np.ndarray) -> None:
     """Move the nodes of the current model to these points, in the order of `extract`."""
     node_tags = np.sort(gmsh.model.mesh.getNodes()[0])
-    for node, (x, y) in zip(node_tags.tolist(), points.tolist(), strict=True):
-        gmsh.model.mesh.setNode(node, [x, y, 0.0], [])
+    for node, point in zip(node_tags, points, strict=True):
+        gmsh.model.mesh.setNode(node, [*point, 0.0], [])
 
 
 def extract() -> TriangleMesh:

@@ -63,10 +63,11 @@ def check_loops(limb: Limb, source: Path) -> None:
     for name, curve in loops.items():
         if curve.area <= 0:
             raise InputError(f"{source}: curves.{name}: runs clockwise; reverse its points")
-        if not is_simple(samples[name][:: max(1, len(samples[name]) // 300)]):
+        if not is_simple(curve.evaluate(curve.sample(curve.perimeter / 250))):
             raise InputError(f"{source}: curves.{name}: crosses itself; move its points apart")
+    trees = {name: cKDTree(points) for name, points in samples.items()}
     for name, other in combinations(samples, 2):
-        gap = cKDTree(samples[name]).query(samples[other], distance_upper_bound=MIN_GAP)[0].min()
+        gap = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0].min()
         if gap < MIN_GAP:
             raise InputError(
                 f"{source}: curves.{name}: comes within {gap:.3f} mm of '{other}';"
@@ -95,13 +96,9 @@ def inside(point: Array, polygon: Array) -> bool:
 
 def is_simple(polygon: Array) -> bool:
     """Return whether no two sides of a closed polygon cross."""
-    start, end = polygon, np.roll(polygon, -1, axis=0)
-
-    def side(a: Array, b: Array, c: Array) -> Array:
-        """Return the sign of the turn a -> b -> c."""
-        u, v = b - a, c - a
-        return np.sign(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
-
-    a, b, c, d = start[:, None], end[:, None], start[None], end[None]
-    crosses = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
-    return not crosses.any()
+    start, along = polygon, np.roll(polygon, -1, axis=0) - polygon
+    towards = start[None] - start[:, None]
+    # On which side of side i the start of side j lies; its end is the start of side j + 1.
+    turn = np.sign(along[:, None, 0] * towards[..., 1] - along[:, None, 1] * towards[..., 0])
+    separates = turn * np.roll(turn, -1, axis=1) < 0
+    return not np.any(separates & separates.T)

@@ -128,7 +128,7 @@ def smallest_angles(x: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Layers:
+class ElementLayers:
     """Element layers of a band, at each corner node on the curves that bound it.
 
     Parameters
@@ -148,7 +148,7 @@ class Layers:
     count: NDArray[np.int64]
 
 
-def layers_across(mesh: TriangleMesh, region: str) -> Layers:
+def layers_across(mesh: TriangleMesh, region: str) -> ElementLayers:
     """Count the element layers between the curves that bound a region."""
     tag = mesh.regions[region]
     own = mesh.cells[mesh.cell_tags == tag]
@@ -188,7 +188,7 @@ def layers_across(mesh: TriangleMesh, region: str) -> Layers:
         )
         count[elsewhere] = np.minimum(count[elsewhere], hops[elsewhere])
     measured = (curve_of_node != -2) & np.isfinite(count)
-    return Layers(
+    return ElementLayers(
         mesh.points[nodes[measured]], thickness[measured], count[measured].astype(np.int64)
     )
 

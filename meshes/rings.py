@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 
-from mpi4py import MPI
-
 import gmsh
+from mpi4py import MPI
 
 from calfsocket.errors import InputError
 from calfsocket.meshes import gmsh_model, tags
@@ -84,7 +83,9 @@ def _check(
         if not 0 < inner < outer:
             raise InputError(f"rings: {name}: radii {inner} and {outer} mm; need 0 < inner < outer")
         if name != tags.SOCKET and inner != radius:
-            raise InputError(f"rings: {name} starts at {inner} mm; the ring inside ends at {radius}")
+            raise InputError(
+                f"rings: {name} starts at {inner} mm, not at {radius} mm like its neighbour"
+            )
         radius = outer
     if h <= 0:
         raise InputError(f"rings: element size {h} mm; need a positive length")

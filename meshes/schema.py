@@ -12,7 +12,7 @@ from calfsocket.errors import InputError
 
 
 def nearest(key: str, allowed: Collection[str]) -> str:
-    """Return '; did you mean ...?' when a name is likely misspelt, else the names allowed."""
+    """Return "did you mean ...?" when a name is likely misspelt, else the names allowed."""
     close = difflib.get_close_matches(key, allowed, n=1)
     return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(sorted(allowed))}"
 
@@ -47,12 +47,27 @@ def read_json(path: Path, model: type[Model]) -> Model:
         return model.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
-        # A curve's type, which pydantic puts into the path, is no key of the file.
-        place = ".".join(str(part) for part in first["loc"])
+        place = _place(content, first["loc"], first["type"] == "missing")
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(f"{path}: {place + ': ' if place else ''}{message}") from error
     except (json.JSONDecodeError, UnicodeDecodeError, _RepeatedKeyError) as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _place(content: Any, parts: tuple[int | str, ...], missing: bool) -> str:
+    """Return the path to a place in the file, without what pydantic adds: the kind of a union.
+
+    Where the last part of the path is what is missing from the file, it is kept.
+    """
+    keys = []
+    for number, part in enumerate(parts):
+        known = isinstance(content, dict) and part in content
+        if known or (isinstance(content, list) and isinstance(part, int)):
+            content = content[part]
+        elif not (missing and number == len(parts) - 1):
+            continue
+        keys.append(str(part))
+    return ".".join(keys)
 
 
 class _RepeatedKeyError(ValueError):

@@ -3,14 +3,13 @@
 import tempfile
 from pathlib import Path
 
-from mpi4py import MPI
-
 import gmsh
 import pandas as pd
+from mpi4py import MPI
 
 from calfsocket.errors import InputError
 from calfsocket.meshes import gmsh_model, sizing, tags
-from calfsocket.meshes.data import Limb, Socket
+from calfsocket.meshes.data import Limb, Socket, Sockets, load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.loops import limb_curves
 from calfsocket.meshes.quality import quality_table
@@ -38,12 +37,22 @@ def build(limb: Limb, socket: Socket, size: MeshSize) -> TriangleMesh:
         return smooth(gmsh_model.extract())
 
 
-def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
-    """Write the mesh, with its names, as a gmsh file; return its quality table, a row a region.
+def write_section(
+    path: Path | str,
+    socket_name: str,
+    size_name: str,
+    limb: Limb | None = None,
+    sockets: Sockets | None = None,
+) -> pd.DataFrame:
+    """Write the mesh, with its names, as a gmsh file; return the table of `quality_table`.
 
-    The file appears whole or not at all, and the same input gives the same bytes.
+    The limb and the sockets are those of the package unless others are given. The file appears
+    whole or not at all, and the same input gives the same bytes.
     """
     path = Path(path)
+    limb = limb or load_limb()
+    socket = (sockets or load_sockets()).socket(socket_name)
+    size = sizing.mesh_size(size_name)
     if path.suffix != ".msh":
         raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
     if not path.parent.is_dir():

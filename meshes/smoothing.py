@@ -58,12 +58,13 @@ def _inside_regions(mesh: TriangleMesh) -> np.ndarray:
 def _independent(rows: np.ndarray) -> list[list[int]]:
     """Sort the first nodes of rows into groups in which no two share a triangle."""
     neighbours: dict[int, set[int]] = {}
-    for node, following, previous in rows[:, :3].tolist():
-        neighbours.setdefault(node, set()).update((following, previous))
+    for corners in rows[:, :3]:
+        node, *others = map(int, corners)
+        neighbours.setdefault(node, set()).update(others)
     group_of: dict[int, int] = {}
     groups: list[list[int]] = []
-    for node, others in neighbours.items():
-        taken = {group_of[other] for other in others if other in group_of}
+    for node, around in neighbours.items():
+        taken = {group_of[other] for other in around if other in group_of}
         group = next(number for number in range(len(groups) + 1) if number not in taken)
         if group == len(groups):
             groups.append([])
@@ -82,7 +83,8 @@ def _improve(points: Array, rows: np.ndarray) -> None:
     weight = 1 / np.clip(quality, 0.05, None) ** 2
     chord = end - start
     tip = (start + end) / 2 + np.sqrt(3) / 2 * np.stack([-chord[:, 1], chord[:, 0]], axis=1)
-    mean_tip = np.add.reduceat(weight[:, None] * tip, first) / np.add.reduceat(weight, first)[:, None]
+    total = np.add.reduceat(weight, first)
+    mean_tip = np.add.reduceat(weight[:, None] * tip, first) / total[:, None]
     centroid = np.add.reduceat(start, first) / pairs[:, None]
     place = points[nodes]
     for target in (mean_tip, centroid):

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calfsocket.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Socket
-from calfsocket.meshes.loops import polar_angle
+from calfsocket.meshes.loops import is_simple, polar_angle
 
 
 def socket_faces(socket: Socket, skin: ClosedCurve) -> tuple[ClosedCurve, ClosedCurve]:
@@ -16,7 +17,13 @@ def socket_faces(socket: Socket, skin: ClosedCurve) -> tuple[ClosedCurve, Closed
         inner = normal_offset(socket.shape, skin)
     else:
         inner = circle_blend(socket.shape, skin)
-    return inner, curves.offset(inner, lambda points: np.full(len(points), socket.wall_thickness))
+    outer = curves.offset(inner, lambda points: np.full(len(points), socket.wall_thickness))
+    for face, curve in (("inner", inner), ("outer", outer)):
+        if not (curve.area > 0 and is_simple(curve.evaluate(curve.sample(curve.perimeter / 400)))):
+            raise InputError(
+                f"socket {socket.name}: the {face} face crosses itself; use smaller or wider bumps"
+            )
+    return inner, outer
 
 
 def bumps_at(bumps: Sequence[Bump], angle: Array) -> Array:

@@ -326,7 +326,8 @@ def test_only_another_list_of_packages_makes_another_image(with_docker: Machine)
 # ----- in a root of its own: the building, with an mmdebstrap that only makes a folder
 
 
-MAKE_FOLDER = 'for root; do :; done; mkdir -p "$root/etc/ssl/certs"; '
+# Its last argument must not exist yet.
+MAKE_FOLDER = 'for root; do :; done; mkdir "$root" && mkdir -p "$root/etc/ssl/certs" || exit; '
 
 
 @pytest.fixture

@@ -249,3 +249,19 @@ def test_fields_on_the_mesh(striped) -> None:
     mu = law_fields(domain, cell_tags, REGION_LAWS).ogden_mu[0]
     total = domain.comm.allreduce(fem.assemble_scalar(fem.form(mu * ufl.dx(domain))))
     assert total == pytest.approx((0.4 + 0.024) / 4)
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_fields_on_several_ranks(ranks: int, mpirun) -> None:
+    """The tests of the fields again, the mesh distributed."""
+    on_cells = (
+        test_law_fields,
+        test_law_tags,
+        test_every_region_needs_a_law,
+        test_every_cell_needs_a_region,
+        test_ghost_cells_have_their_law,
+        test_fields_on_the_mesh,
+    )
+    names = [f"{__file__}::{test.__name__}" for test in on_cells]
+    output = mpirun(ranks, ["-m", "pytest", "-q", "-p", "no:cacheprovider", *names], timeout=120)
+    assert output.count(f"{len(on_cells)} passed") == ranks

@@ -13,6 +13,8 @@ from petsc4py import PETSc
 from calfsocket.contact import nitsche
 from calfsocket.contact.nitsche import ContactParameters, ContactState, SkinPoints
 from calfsocket.contact.projection import EdgeChain, order_chain, shape_functions
+from calfsocket.forms import mixed
+from calfsocket.forms.kinematics import deformation_gradient
 
 FloatArray = NDArray[np.float64]
 
@@ -102,8 +104,10 @@ class ContactInterface:
     ----------
     w : fem.Function
         Mixed unknowns; sub-space 0 is the displacement in mm.
-    first_piola : ufl expression, (2, 2)
-        First Piola-Kirchhoff stress of the skin in MPa, as a function of `w`.
+    law : str
+        Law of the skin's surface, one of `forms.mixed.LAW_IDS`.
+    fields : LawFields
+        Parameters of the laws.
     facet_tags : MeshTags
         Tags of the boundary edges.
     skin_tag, socket_tag : int
@@ -122,7 +126,8 @@ class ContactInterface:
     def __init__(
         self,
         w: fem.Function,
-        first_piola: Any,
+        law: str,
+        fields: mixed.LawFields,
         facet_tags: mesh.MeshTags,
         skin_tag: int,
         socket_tag: int,
@@ -141,11 +146,13 @@ class ContactInterface:
         self._set_up_socket(Face.of(V, facet_tags, socket_tag), constrained)
 
         on_edge = 0.5 * (edge_parameters() + 1)[:, None]
-        self._stress = fem.Expression(first_piola, on_edge, comm=self._comm)
-        trial = ufl.TrialFunction(V)
-        self._d_stress = fem.Expression(
-            ufl.derivative(first_piola, w, trial), on_edge, comm=self._comm
-        )
+        u, p_dof = ufl.split(w)
+        du, dp_dof = ufl.TrialFunctions(V)
+        F, p, dp = (deformation_gradient(u), *(mixed.pressure(q, fields) for q in (p_dof, dp_dof)))
+        stress = mixed.first_piola(law, F, p, fields)
+        d_stress = mixed.first_piola_increment(law, F, p, ufl.grad(du), dp, fields)
+        self._stress = fem.Expression(stress, on_edge, comm=self._comm)
+        self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
         self.points, self._normal = self._skin_points(on_edge)
         cell_dofs = np.array(
             [V.dofmap.cell_dofs(c) for c in self.skin.entities[:, 0]], dtype=np.int32

@@ -1,0 +1,248 @@
+"""The data files: what they say, and what is said when they are wrong."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calfsocket.errors import InputError
+from calfsocket.meshes import data
+from calfsocket.meshes.data import load_limb, load_sockets
+
+FOLDER = Path(data.__file__).parent
+Change = Callable[[dict[str, Any]], Any]
+
+
+def test_the_calf_has_27_regions_of_6_tissues() -> None:
+    limb = load_limb()
+    counts: dict[str, int] = {}
+    for region in limb.regions:
+        counts[region.tissue] = counts.get(region.tissue, 0) + 1
+    assert counts == {"skin": 1, "fat": 1, "fascia": 2, "muscle": 11, "bone": 2, "vessel": 10}
+    assert sorted(limb.region_tags.values()) == list(range(1, 28))
+    assert limb.region("tibia").holes == ("tibia_medullary",)
+    assert limb.fixed_boundary == "tibia_medullary"
+
+
+def test_the_sockets_are_three_with_a_wall_of_4_5_mm() -> None:
+    sockets = load_sockets()
+    assert list(sockets.sockets) == ["TC", "TSB", "HS"]
+    assert {sockets.socket(name).wall_thickness for name in sockets.sockets} == {4.5}
+
+
+def test_limbs_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        load_limb().title = "another"
+
+
+def wrong(tmp_path: Path, name: str, change: Change) -> str:
+    """Change a copy of a data file; return the error message that loading it gives."""
+    content = json.loads((FOLDER / name).read_text())
+    change(content)
+    path = tmp_path / name
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError) as caught:
+        (load_limb if name == "calf.json" else load_sockets)(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    return message.removeprefix(f"{path}: ")
+
+
+def region(content: dict[str, Any], name: str) -> dict[str, Any]:
+    (found,) = (entry for entry in content["regions"] if entry["name"] == name)
+    return found
+
+
+def move(content: dict[str, Any], curve: str, x: float, y: float) -> None:
+    curve = content["curves"][curve]
+    curve["points"] = [[a + x, b + y] for a, b in curve["points"]]
+
+
+LIMB_ERRORS: dict[str, tuple[Change, str]] = {
+    "units": (lambda c: c.update(units="cm, deg"), "units: Input should be 'mm, deg'"),
+    "missing key": (lambda c: c.pop("layers"), "layers: Field required"),
+    "misspelt key": (
+        lambda c: c.update(contact_boundry=c.pop("contact_boundary")),
+        "unknown key 'contact_boundry'; did you mean 'contact_boundary'?",
+    ),
+    "misspelt key inside": (
+        lambda c: c["curves"]["fibular_vein"].update(angle=3),
+        "curves.fibular_vein: unknown key 'angle'; did you mean 'angle_deg'?",
+    ),
+    "not a number": (
+        lambda c: c["curves"]["tibia"]["points"][3].__setitem__(1, "high"),
+        "curves.tibia.points.3.1: Input should be a valid number",
+    ),
+    "infinite": (
+        lambda c: c["curves"]["tibia"]["points"][3].__setitem__(1, float("inf")),
+        "curves.tibia.points.3.1: Input should be a finite number",
+    ),
+    "repeated point": (
+        lambda c: c["curves"]["tibia"]["points"].append([-6.89, 21.23]),
+        "curves.tibia.points: point [-6.89, 21.23] follows itself",
+    ),
+    "unknown curve type": (
+        lambda c: c["curves"]["fibular_vein"].update(type="circle"),
+        "curves.fibular_vein: Input tag 'circle'",
+    ),
+    "negative semi-axis": (
+        lambda c: c["curves"]["fibular_vein"].update(semi_axes=[1.0, -1.0]),
+        "curves.fibular_vein.semi_axes.1: Input should be greater than 0",
+    ),
+    "offset of nothing": (
+        lambda c: c["curves"]["skin_inner"].update(of="skin_outlin"),
+        "curves.skin_inner.of: no curve 'skin_outlin'; did you mean 'skin_outline'?",
+    ),
+    "offset of an offset": (
+        lambda c: c["curves"]["fascia_outer"].update(of="skin_inner"),
+        "curves.fascia_outer.of: 'skin_inner' is an offset itself",
+    ),
+    "fat angles": (
+        lambda c: c["layers"]["fat_thickness"].append([10.0, 4.0]),
+        "layers.fat_thickness: angles must increase",
+    ),
+    "fat angle of 400 degrees": (
+        lambda c: c["layers"]["fat_thickness"].append([400.0, 4.0]),
+        "layers.fat_thickness: angles must lie in 0 <= angle < 360",
+    ),
+    "unknown tissue": (
+        lambda c: region(c, "tibia").update(tissue="bones"),
+        "regions.15.tissue: Input should be 'skin', 'fat', 'fascia', 'muscle', 'bone' or 'vessel'",
+    ),
+    "ids not unique": (
+        lambda c: region(c, "fibula").update(id=16),
+        "regions: id 16 stands for two regions",
+    ),
+    "names not unique": (
+        lambda c: region(c, "fibula").update(name="tibia"),
+        "regions: name tibia stands for two regions",
+    ),
+    "the socket's id": (
+        lambda c: region(c, "fibula").update(id=100),
+        "regions.fibula.id: 100 is reserved; choose one below 100",
+    ),
+    "the socket's name": (
+        lambda c: region(c, "fibula").update(name="socket"),
+        "regions.socket.name: reserved",
+    ),
+    "no such outer curve": (
+        lambda c: region(c, "fibula").update(outer="fibla"),
+        "regions.fibula: no curve 'fibla'; did you mean 'fibula'?",
+    ),
+    "no such hole": (
+        lambda c: region(c, "tibia").update(holes=["tibia_medulary"]),
+        "regions.tibia: no curve 'tibia_medulary'; did you mean 'tibia_medullary'?",
+    ),
+    "no such neighbour": (
+        lambda c: region(c, "tibia").update(adjacent=["deep_facia"]),
+        "regions.tibia: no region 'deep_facia'; did you mean 'deep_fascia'?",
+    ),
+    "one outer curve twice": (
+        lambda c: region(c, "fibula").update(outer="tibia"),
+        "regions.fibula.outer: 'tibia' is already that of tibia",
+    ),
+    "one hole twice": (
+        lambda c: region(c, "skin")["holes"].append("fibula"),
+        "regions.deep_fascia.holes: 'fibula' is already a hole of skin",
+    ),
+    "a second hole that nothing fills": (
+        lambda c: region(c, "fibula").update(holes=["fibula_medullary_optional"]),
+        "fixed_boundary: 'tibia_medullary' must be the one hole",
+    ),
+    "a region outside": (
+        lambda c: region(c, "deep_fascia")["holes"].remove("fibula"),
+        "contact_boundary: 'skin_outline' must be the one outer curve",
+    ),
+    "clockwise": (
+        lambda c: c["curves"]["tibia"]["points"].reverse(),
+        "curves.tibia: runs clockwise",
+    ),
+    "a loop that crosses itself": (
+        lambda c: c["curves"]["skin_outline"]["points"].__setitem__(0, [-30.0, 0.0]),
+        "curves.skin_outline: crosses itself",
+    ),
+    "an offset that folds over": (
+        lambda c: c["layers"].update(skin_thickness=20.0),
+        "curves.skin_inner: crosses itself",
+    ),
+    "touching curves": (
+        lambda c: c["curves"]["fibular_artery"].update(center=[17.0, -6.4]),
+        "mm of 'fibular_vein'; keep curves 0.1 mm apart",
+    ),
+    "a hole outside": (
+        lambda c: move(c, "fibula", 200.0, 0.0),
+        "regions.deep_fascia: hole 'fibula' is not inside 'fascia_outer'",
+    ),
+    "a hole in a hole": (
+        lambda c: c["curves"]["fibular_vein"].update(center=[5.0, 35.0]),
+        "regions.deep_fascia: hole 'fibular_vein' lies inside hole 'tibialis_anterior'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "expected"), LIMB_ERRORS.values(), ids=LIMB_ERRORS)
+def test_a_wrong_limb_is_refused_in_one_line(tmp_path: Path, change: Change, expected: str) -> None:
+    assert expected in wrong(tmp_path, "calf.json", change)
+
+
+SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
+    "unknown law": (
+        lambda c: c["sockets"]["TC"].update(law="offset"),
+        "sockets.TC: Input tag 'offset'",
+    ),
+    "another law's parameter": (
+        lambda c: c["sockets"]["TC"].update(roundness=0.1),
+        "sockets.TC: unknown key 'roundness'; allowed: base, bumps, law, title",
+    ),
+    "bump without width": (
+        lambda c: c["sockets"]["HS"]["bumps"][0].pop("width"),
+        "sockets.HS.bumps.0.width: Field required",
+    ),
+    "roundness above 1": (
+        lambda c: c["sockets"]["HS"].update(roundness=1.1),
+        "sockets.HS.roundness: Input should be less than or equal to 1",
+    ),
+    "no wall": (
+        lambda c: c.update(wall_thickness=0.0),
+        "wall_thickness: Input should be greater than 0",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "expected"), SOCKET_ERRORS.values(), ids=SOCKET_ERRORS)
+def test_a_wrong_socket_is_refused_in_one_line(
+    tmp_path: Path, change: Change, expected: str
+) -> None:
+    assert expected in wrong(tmp_path, "sockets.json", change)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('{"units": "mm, deg", "units": "mm, deg"}', "key 'units' stands twice"),
+        ('{"units": ', "line 1 column 11"),
+        ("[]", "Input should be a valid dictionary"),
+    ],
+)
+def test_what_is_no_proper_json_is_refused(tmp_path: Path, text: str, expected: str) -> None:
+    path = tmp_path / "limb.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=expected):
+        load_limb(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.json: cannot be read \(No such file"):
+        load_limb(tmp_path / "nowhere.json")
+
+
+def test_unknown_names_are_answered_with_the_nearest() -> None:
+    with pytest.raises(InputError, match="no socket 'TCB'; did you mean 'TC'"):
+        load_sockets().socket("TCB")
+    with pytest.raises(InputError, match="no socket 'x'; allowed: HS, TC, TSB"):
+        load_sockets().socket("x")
+    with pytest.raises(InputError, match="no region 'tibea'; did you mean 'tibia'"):
+        load_limb().region("tibea")

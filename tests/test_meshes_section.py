@@ -1,0 +1,240 @@
+"""The meshes of the section: their size, their quality, and that they are what was asked for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dolfinx.io import gmshio
+from mpi4py import MPI
+
+from calfsocket.errors import InputError
+from calfsocket.meshes import gmsh_model, quality, section, tags
+from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.sizing import SIZES, limb_field, mesh_size
+from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.triangles import TriangleMesh
+
+LIMB = load_limb()
+SOCKETS = load_sockets()
+LOOPS = limb_curves(LIMB)
+TISSUES = {region.name: region.tissue for region in LIMB.regions}
+
+
+@pytest.fixture(scope="module", params=SIZES)
+def sized(request: pytest.FixtureRequest) -> tuple[str, TriangleMesh]:
+    """A size's name, and the hydrostatic socket's mesh of this size."""
+    return request.param, section.build(LIMB, SOCKETS.socket("HS"), mesh_size(request.param))
+
+
+def count(mesh: TriangleMesh) -> tuple[int, int]:
+    """Triangles of limb and of socket."""
+    socket = int(np.sum(mesh.cell_tags == tags.SOCKET_ID))
+    return len(mesh.cells) - socket, socket
+
+
+def distance_to(curve: ClosedCurve, points: np.ndarray) -> np.ndarray:
+    """Distance of points from a curve: the nearest of many points on it, then Newton."""
+    t = curve.sample(0.02)
+    samples = curve.evaluate(t)
+    nearest = [np.argmin(np.sum((samples - point) ** 2, axis=1)) for point in points]
+    t = t[nearest]
+    for _ in range(3):
+        velocity = curve.evaluate(t, 1)
+        off = curve.evaluate(t) - points
+        slope = np.sum(velocity**2, axis=1) + np.sum(off * curve.evaluate(t, 2), axis=1)
+        t = t - np.sum(off * velocity, axis=1) / slope
+    return np.linalg.norm(curve.evaluate(t) - points, axis=1)
+
+
+def test_sizes_have_the_number_of_triangles_they_are_named_for(
+    sized: tuple[str, TriangleMesh],
+) -> None:
+    name, mesh = sized
+    limb, socket = count(mesh)
+    if name == "paper":
+        assert 26_000 <= limb <= 30_000
+        assert 2_700 <= socket <= 3_300
+    else:
+        about = {"coarse": 7_000, "medium": 14_000}[name]
+        assert limb + socket == pytest.approx(about, rel=0.05)
+
+
+def test_every_tag_is_present_and_named(sized: tuple[str, TriangleMesh]) -> None:
+    _, mesh = sized
+    assert mesh.regions == LIMB.region_tags | {"socket": 100}
+    assert mesh.boundaries == tags.BOUNDARIES
+    assert set(mesh.cell_tags) == set(mesh.regions.values())
+    assert set(mesh.facet_tags) == set(mesh.boundaries.values())
+
+
+def test_every_node_is_used_and_the_mesh_conforms(sized: tuple[str, TriangleMesh]) -> None:
+    """A side has two triangles, or one where it lies on a named boundary; no other exist."""
+    _, mesh = sized
+    assert np.array_equal(np.unique(mesh.cells), np.arange(len(mesh.points)))
+    middle, uses = np.unique(mesh.cells[:, 3:], return_counts=True)
+    assert set(uses) == {1, 2}
+    assert np.array_equal(middle[uses == 1], np.sort(mesh.facets[:, 2]))
+    bodies = mesh.cell_tags == tags.SOCKET_ID
+    assert not np.intersect1d(mesh.cells[bodies], mesh.cells[~bodies]).size
+
+
+def test_boundaries_lie_on_their_curves_mid_side_nodes_too(
+    sized: tuple[str, TriangleMesh],
+) -> None:
+    _, mesh = sized
+    inner, outer = socket_faces(SOCKETS.socket("HS"), LOOPS["skin_outline"])
+    curves = {
+        tags.SKIN_SURFACE: LOOPS["skin_outline"],
+        tags.TIBIA_MEDULLARY: LOOPS["tibia_medullary"],
+        tags.SOCKET_INNER: inner,
+        tags.SOCKET_OUTER: outer,
+    }
+    for name, curve in curves.items():
+        facets = mesh.facets[mesh.facet_tags == mesh.boundaries[name]]
+        assert distance_to(curve, mesh.points[np.unique(facets)]).max() < 1e-6
+        # The facets make up the whole curve.
+        start, end, middle = (mesh.points[facets[:, i]] for i in range(3))
+        points, weights = np.polynomial.legendre.leggauss(4)
+        along = [(end - start) / 2 + s * (start + end - 2 * middle) for s in points]
+        length = np.einsum("q,qf->", weights, np.linalg.norm(along, axis=-1))
+        assert length == pytest.approx(curve.perimeter, rel=1e-4)
+
+
+def test_all_mid_side_nodes_between_regions_lie_on_the_curves(
+    sized: tuple[str, TriangleMesh],
+) -> None:
+    _, mesh = sized
+    inside = {region.outer: region for region in LIMB.regions}
+    for name, curve in LOOPS.items():
+        if name not in inside or name == LIMB.contact_boundary:
+            continue
+        own = mesh.cell_tags == inside[name].id
+        (around,) = (region.id for region in LIMB.regions if name in region.holes)
+        shared = np.intersect1d(mesh.cells[own], mesh.cells[mesh.cell_tags == around])
+        middles = np.intersect1d(shared, mesh.cells[:, 3:])
+        assert len(middles) == len(shared) / 2 > 4
+        assert distance_to(curve, mesh.points[shared]).max() < 1e-6
+
+
+def test_no_triangle_is_inverted_anywhere(sized: tuple[str, TriangleMesh]) -> None:
+    name, mesh = sized
+    assert quality.jacobian_bounds(mesh.coordinates)[0].min() > 0
+    least = {"coarse": 0.2, "medium": 0.25, "paper": 0.4}[name]
+    assert quality.scaled_jacobians(mesh.coordinates).min() > least
+
+
+def test_areas_are_those_of_the_data(sized: tuple[str, TriangleMesh]) -> None:
+    _, mesh = sized
+    areas = quality.areas(mesh.coordinates)
+    for region in LIMB.regions:
+        area = areas[mesh.cell_tags == region.id].sum()
+        allowed = 0.02 if region.tissue == "vessel" else 0.01
+        assert area == pytest.approx(region.area, rel=allowed), region.name
+
+
+def test_two_elements_across_every_fascia_band_at_paper_size(
+    sized: tuple[str, TriangleMesh],
+) -> None:
+    name, mesh = sized
+    layers = quality.layers_across(mesh, "deep_fascia")
+    assert layers.thickness.min() == pytest.approx(0.534, abs=0.01)  # the geometry's note
+    band = layers.thickness >= 0.7
+    assert band.sum() > 500
+    single = np.sum(layers.count[band] < 2)
+    if name == "paper":
+        assert single == 0
+    else:  # the measure can tell
+        assert single > 500
+
+
+@pytest.mark.parametrize("name", ["TC", "TSB"])
+def test_the_limb_is_the_same_in_every_socket(name: str) -> None:
+    size = mesh_size("coarse")
+    meshes = [section.build(LIMB, SOCKETS.socket(which), size) for which in (name, "HS")]
+    limbs = [mesh.coordinates[mesh.cell_tags != tags.SOCKET_ID] for mesh in meshes]
+    assert np.array_equal(*limbs)
+    assert count(meshes[0])[1] == pytest.approx(count(meshes[1])[1], rel=0.05)
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    for file in ("a.msh", "b.msh"):
+        section.write_section(tmp_path / file, "TC", "coarse")
+    assert (tmp_path / "a.msh").read_bytes() == (tmp_path / "b.msh").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.msh", "b.msh"]
+
+
+def test_the_file_can_be_read_back_with_its_names(tmp_path: Path) -> None:
+    path = tmp_path / "tsb.msh"
+    table = section.write_section(path, "TSB", "coarse")
+    built = section.build(LIMB, SOCKETS.socket("TSB"), mesh_size("coarse"))
+
+    import gmsh
+
+    with gmsh_model.session("read"):
+        gmsh.merge(str(path))
+        read = gmsh_model.extract()
+    assert (read.regions, read.boundaries) == (built.regions, built.boundaries)
+    # Nodes are written with 16 digits, and moved by smoothing as those of `build` are.
+    assert read.points == pytest.approx(built.points, abs=1e-12)
+    assert np.array_equal(read.cells, built.cells)
+
+    mesh, cell_tags, facet_tags = gmshio.read_from_msh(path, MPI.COMM_SELF, gdim=2)
+    assert mesh.topology.index_map(2).size_global == len(built.cells) == table.triangles.sum()
+    assert set(cell_tags.values) == set(built.regions.values())
+    assert len(facet_tags.values) == len(built.facets)
+
+
+def test_the_quality_table_has_a_row_a_region(tmp_path: Path) -> None:
+    table = section.write_section(tmp_path / "hs.msh", "HS", "coarse").set_index("region")
+    assert len(table) == 28
+    assert table.tissue.to_dict() == TISSUES | {"socket": "socket"}
+    assert table.data_mm2["soleus"] == 1898.2
+    assert table.deviation_percent.abs().max() < 1
+    # A wall of 4.5 mm around the inner face: 4.5 * perimeter + pi * 4.5^2.
+    inner, _ = socket_faces(SOCKETS.socket("HS"), LOOPS["skin_outline"])
+    assert table.data_mm2["socket"] == pytest.approx(
+        4.5 * inner.perimeter + np.pi * 4.5**2, abs=0.1
+    )
+    assert table.min_scaled_jacobian.between(0.2, 1).all()
+    assert table.min_angle_deg.between(10, 60).all()
+    text = quality.format_table(table.reset_index())
+    assert len(text.splitlines()) == 29
+    assert "soleus muscle" in text
+
+
+@pytest.mark.parametrize(
+    ("file", "socket", "size", "expected"),
+    [
+        ("hs.vtk", "HS", "coarse", "let the name end in .msh"),
+        ("nowhere/hs.msh", "HS", "coarse", "no folder"),
+        ("hs.msh", "HSS", "coarse", "no socket 'HSS'; did you mean 'HS'?"),
+        ("hs.msh", "HS", "papers", "no mesh size 'papers'; did you mean 'paper'?"),
+    ],
+)
+def test_wrong_names_are_refused(
+    tmp_path: Path, file: str, socket: str, size: str, expected: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        section.write_section(tmp_path / file, socket, size)
+    assert expected in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_size_field_is_as_small_as_asked_and_no_steeper() -> None:
+    size = mesh_size("coarse")
+    field = limb_field(LOOPS, LIMB.contact_boundary, size)
+    x, y = (field.origin[i] + 0.25 * np.arange(field.values.shape[i]) for i in (0, 1))
+
+    def at(point: tuple[float, float]) -> float:
+        return field.values[np.argmin(np.abs(x - point[0])), np.argmin(np.abs(y - point[1]))]
+
+    assert field.values.max() == size.largest
+    # The medial septum between soleus and gastrocnemius at (0, -32) is under 1 mm thick, so that
+    # the size there is 1.7 times that; the middle of the soleus is far from all curves.
+    assert at((0.0, -40.0)) < 1.7
+    assert at((-20.0, -5.0)) > 5
+    for axis in (0, 1):
+        slope = np.abs(np.diff(field.values, axis=axis)).max() / 0.25
+        assert slope < 1.01 * size.growth
