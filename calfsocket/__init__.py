@@ -1,4 +1,4 @@
-"""calfsocket: what does a prosthetic socket do inside a leg?
+"""calfsocket answers what a prosthetic socket does inside a leg.
 
 A FEniCSx application: a transverse section of a calf with 27 regions of 6 tissues, pressed by
 deformable prosthetic sockets through large-sliding frictional Nitsche contact.

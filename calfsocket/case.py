@@ -9,12 +9,12 @@ from mpi4py import MPI
 
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import SolveError
+from calfsocket.laws import Law, OgdenForm
 from calfsocket.meshes import tags
 from calfsocket.meshes.data import Limb, Socket
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.model import Model, SocketSupport
-from calfsocket.laws import Law, OgdenForm
 from calfsocket.stepping import LoadStep, StepControl, Stepper
 from calfsocket.tissues import FasciaC10, MaterialSet, material_set
 
@@ -139,9 +139,7 @@ class Run:
                 settings.contact,
                 settings.socket_support,
             )
-            self.stepper = Stepper(
-                self.model, step_control(case, settings), on_iteration, on_step
-            )
+            self.stepper = Stepper(self.model, step_control(case, settings), on_iteration, on_step)
 
     def solve(self) -> None:
         """Raise the load to 1, or as far as it goes (collective); see `failure`."""

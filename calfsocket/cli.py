@@ -75,10 +75,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     words, petsc = _split_petsc(list(sys.argv[1:] if argv is None else argv))
     first = _launched_rank() == 0
-    action, parser, program = _study, _study_parser, PROGRAM
+    program = PROGRAM
+    action: Action = _study
+    parser: Callable[[str], _Parser] = _study_parser
     if words and words[0] in COMMANDS:
+        action, parser, _ = COMMANDS[words[0]]
         program = f"{PROGRAM} {words.pop(0)}"
-        action, parser, _ = COMMANDS[program.split()[-1]]
     try:
         with contextlib.redirect_stdout(sys.stdout if first else io.StringIO()):
             arguments = parser(program).parse_all(words)
@@ -224,12 +226,10 @@ def _picture_parser(program: str) -> _Parser:
 
 
 def _warm_parser(program: str) -> _Parser:
-    return _Parser(
-        prog=program, description="Compile all forms now rather than in the first run."
-    )
+    return _Parser(prog=program, description="Compile all forms now rather than in the first run.")
 
 
-def _study(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     import logging
     import math
 
@@ -280,7 +280,7 @@ def _study(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
     return OK if solved else CASE_FAILED
 
 
-def _on_first_rank(comm: "MPI.Comm", check: Callable[[], None]) -> None:
+def _on_first_rank(comm: "MPI.Intracomm", check: Callable[[], None]) -> None:
     """Do a check on rank 0; where it refuses, refuse on all ranks."""
     refusal: InputError | None = None
     if comm.rank == 0:
@@ -293,7 +293,7 @@ def _on_first_rank(comm: "MPI.Comm", check: Callable[[], None]) -> None:
         raise refusal
 
 
-def _mesh(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+def _mesh(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket.meshes.section import write_section
 
     if comm.rank == 0:
@@ -301,7 +301,7 @@ def _mesh(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
     return OK
 
 
-def _picture(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+def _picture(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket import picture
 
     if comm.rank == 0:
@@ -309,14 +309,14 @@ def _picture(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
     return OK
 
 
-def _warm(comm: "MPI.Comm", arguments: argparse.Namespace) -> int:
+def _warm(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket import compilation
 
     compilation.warm(comm)
     return OK
 
 
-Action = Callable[["MPI.Comm", argparse.Namespace], int]
+Action = Callable[["MPI.Intracomm", argparse.Namespace], int]
 
 COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
     "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),

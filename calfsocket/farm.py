@@ -15,7 +15,7 @@ class Farm:
 
     Parameters
     ----------
-    comm : MPI.Comm
+    comm : MPI.Intracomm
         All ranks (collective).
     n_cases : int
         Cases to share out.
@@ -35,7 +35,7 @@ class Farm:
 
     def __init__(
         self,
-        comm: MPI.Comm,
+        comm: MPI.Intracomm,
         n_cases: int,
         ranks_per_case: int | None = None,
         on_report: Callable[[Any], None] | None = None,
@@ -50,7 +50,7 @@ class Farm:
             # Ranks that do not make a whole group join the last one.
             self.n_groups = max(comm.size // ranks_per_case, 1)
             colour = min(comm.rank // ranks_per_case, self.n_groups - 1)
-        self.group: MPI.Comm = comm.Split(colour, comm.rank)
+        self.group = MPI.Intracomm(comm.Split(colour, comm.rank))
         # One counter on rank 0, which groups raise without rank 0 taking part.
         size = np.dtype(np.int64).itemsize if comm.rank == 0 else 0
         self._counter = MPI.Win.Allocate(size, disp_unit=8, comm=comm)

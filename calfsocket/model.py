@@ -27,8 +27,8 @@ SocketSupport = Literal["floating", "outer-fixed"]
 SUPPORT_STIFFNESS = 1e-7
 """Bedding of a floating socket in N/mm^3, only where there is no friction to stop it turning."""
 
-# Halves the time of a tangent; unlike -ffast-math it keeps NaN, which tells a step that overshot, and
-# unlike -march=native it gives code that runs on other machines too.
+# Halves the time of a tangent; unlike -ffast-math it keeps NaN, which tells a step that overshot,
+# and unlike -march=native it gives code that runs on other machines too.
 COMPILER_OPTIONS = {
     "cffi_extra_compile_args": [
         "-O2",
@@ -90,7 +90,9 @@ class Model:
             bedding = self._bedding()
             residual += bedding * ufl.inner(ufl.split(self.w)[0], ufl.TestFunctions(self.V)[0]) * dx
             tangent += (
-                bedding * ufl.inner(ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0]) * dx
+                bedding
+                * ufl.inner(ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0])
+                * dx
             )
         self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
         self._tangent = fem.form(tangent, jit_options=COMPILER_OPTIONS)
@@ -165,7 +167,7 @@ class Model:
         self._add_tissues(A)
 
     def pressure_unknowns(self) -> int:
-        """Number of pressure unknowns on all ranks."""
+        """Return the number of pressure unknowns on all ranks."""
         return 3 * self.section.mesh.topology.index_map(2).size_global
 
     def set_unknowns(self, x: PETSc.Vec) -> None:
@@ -200,9 +202,12 @@ class Model:
     def smallest_volume_ratio(self) -> tuple[float, str]:
         """Smallest J = det F of all quadrature points and the region it is in (collective)."""
         points, _ = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
-        J = fem.Expression(ufl.det(deformation_gradient(ufl.split(self.w)[0])), points, self.comm)
+        F = deformation_gradient(ufl.split(self.w)[0])
+        J = fem.Expression(ufl.det(F), np.asarray(points), self.comm)
         cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        return self._smallest_by_region(J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf))
+        return self._smallest_by_region(
+            J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf)
+        )
 
     def least_balanced_region(self, x: PETSc.Vec) -> str:
         """Region with the largest residual, or one that is not finite, at `x` (collective)."""
@@ -242,7 +247,7 @@ class Model:
         self._add_tissues(A)
 
     def _add_tissues(self, A: PETSc.Mat) -> None:
-        fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs)
+        fem_petsc.assemble_matrix_mat(A, self._tangent, self._bcs)
         A.assemble()
 
     def _fix(self, boundaries: list[str]) -> None:

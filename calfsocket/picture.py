@@ -342,9 +342,10 @@ def draw_in_subprocess(folder: Path, timeout_s: float = 300.0) -> Path | None:
     inherited = environment.get("PYTHONPATH")
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, [package_parent, inherited]))
     command = [sys.executable, "-m", "calfsocket.picture", str(folder)]
-    # An X server of its own where there is one to start: the user's may be far away, or gone.
+    # An X server of its own where one can be started: the user's may be far away, or gone.
+    # (xvfb-run needs xauth; ./in-debian13 has a server running instead.)
     xvfb = shutil.which("xvfb-run")
-    if xvfb:
+    if xvfb and shutil.which("xauth"):
         command = [xvfb, "-a", "-s", "-screen 0 1280x1024x24", *command]
     try:
         code, errors = _run(command, environment, timeout_s)

@@ -89,4 +89,6 @@ class Reporter:
                 self._tasks[event.case], completed=event.load, text=event.text, left=left
             )
         elif event.milestone:
-            logger.info("%s: load %.3f, %s, %.0f s", event.case, event.load, event.text, now - start)
+            logger.info(
+                "%s: load %.3f, %s, %.0f s", event.case, event.load, event.text, now - start
+            )

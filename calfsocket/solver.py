@@ -1,11 +1,9 @@
 """One equilibrium at one load: PETSc SNES with MUMPS, and the inertia of its tangent."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
 from petsc4py import PETSc
 
 OPTIONS_PREFIX = "calfsocket_"
@@ -27,14 +25,25 @@ DEFAULT_OPTIONS: dict[str, str | int | float] = {
 
 
 class Problem(Protocol):
-    """What the solver needs of a model."""
+    """What the solver needs of a model; every method is collective."""
 
-    def create_vector(self) -> PETSc.Vec: ...
-    def create_matrix(self) -> PETSc.Mat: ...
-    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None: ...
-    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None: ...
-    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None: ...
-    def pressure_unknowns(self) -> int: ...
+    def create_vector(self) -> PETSc.Vec:
+        """Return a vector of unknowns, zero."""
+
+    def create_matrix(self) -> PETSc.Mat:
+        """Return a matrix with the tangent's pattern."""
+
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Residual f at x, in N/mm."""
+
+    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Compute the derivative A of the residual at x."""
+
+    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Matrix A whose symmetric part decides whether the equilibrium x is stable."""
+
+    def pressure_unknowns(self) -> int:
+        """Return the number of pressure unknowns, each of which owns a negative eigenvalue."""
 
 
 @dataclass(frozen=True)

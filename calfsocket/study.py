@@ -21,18 +21,19 @@ import calfsocket
 from calfsocket import compilation, outcomes, picture, writers
 from calfsocket.case import Case, Run, Settings, case_laws, region_tissues
 from calfsocket.contact_line import ContactLine
-from calfsocket.errors import InputError
+from calfsocket.errors import CalfsocketError, InputError
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.meshes.data import Limb, Sockets
 from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
 from calfsocket.stepping import LoadStep
+from calfsocket.tissues import MaterialSet
 
 logger = logging.getLogger(__name__)
 
 KEY = ("socket", "material_set")
-MATERIAL_SETS = ("separate", "combined")
+MATERIAL_SETS: tuple[MaterialSet, ...] = ("separate", "combined")
 RUN_FILE = "run.json"
 TABLES = ("summary.csv", "contact.csv", "steps.csv")
 
@@ -72,7 +73,10 @@ class Study:
 
 
 def run_study(
-    comm: MPI.Comm, study: Study, ranks_per_case: int | None = None, console: Console | None = None
+    comm: MPI.Intracomm,
+    study: Study,
+    ranks_per_case: int | None = None,
+    console: Console | None = None,
 ) -> bool:
     """Solve every case and write its results (collective).
 
@@ -99,7 +103,13 @@ def run_study(
         compilation.warm(comm)
         farm = Farm(comm, len(study.cases), ranks_per_case, on_report)
         while (number := farm.next_case()) is not None:
-            _run_case(farm, study, study.cases[number])
+            case = study.cases[number]
+            try:
+                entry = _run_case(farm, study, case)
+            except CalfsocketError as error:  # raised by all ranks of the group
+                farm.report(Event(case.name, str(error), 0.0, milestone=True))
+                entry = {"status": "failed", "message": str(error)}
+            farm.report({"name": case.name, **entry})
         farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
 
@@ -154,18 +164,14 @@ class Ledger:
             "laws": {
                 material_set: {
                     tissue: {"law": law.name, **asdict(law)}
-                    for tissue, law in case_laws(
-                        Case("", material_set), study.settings
-                    ).items()
+                    for tissue, law in case_laws(Case("", material_set), study.settings).items()
                 }
                 for material_set in MATERIAL_SETS
             },
             "petsc_options": PETSc.Options().getAll(),
             "finished": False,
             "seconds": 0.0,
-            "cases": {
-                name: entry for name, entry in earlier.items() if name not in self._asked
-            }
+            "cases": {name: entry for name, entry in earlier.items() if name not in self._asked}
             | {name: {"status": "running"} for name in self._asked},
         }
         self._write()
@@ -186,8 +192,8 @@ class Ledger:
         writers.write_json(self._path, self._content)
 
 
-def _run_case(farm: Farm, study: Study, case: Case) -> None:
-    """Solve a case on this group of ranks and write its files."""
+def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
+    """Solve a case on this group of ranks and write its files; return its entry of run.json."""
     root = farm.group.rank == 0
     rows: list[dict[str, Any]] = []
 
@@ -230,17 +236,14 @@ def _run_case(farm: Farm, study: Study, case: Case) -> None:
     warnings = [] if checks["negative_modes"] == 0 else ["not a stable equilibrium"]
     text = run.failure or "; ".join(["solved", *warnings])
     tell(text, load, True)
-    farm.report(
-        {
-            "name": case.name,
-            "status": "failed" if run.failure else "solved",
-            "message": run.failure,
-            "warnings": warnings,
-            "ranks": farm.group.size,
-            "seconds": run.seconds,
-            **checks,
-        }
-    )
+    return {
+        "status": "failed" if run.failure else "solved",
+        "message": run.failure,
+        "warnings": warnings,
+        "ranks": farm.group.size,
+        "seconds": run.seconds,
+        **checks,
+    }
 
 
 def _write_case(study: Study, case: Case, fields: SectionFields, line: ContactLine) -> None:

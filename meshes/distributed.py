@@ -64,9 +64,9 @@ def distribute(comm: MPI.Comm, build: Callable[[], TriangleMesh]) -> SectionMesh
             failure = RuntimeError(f"the mesh was not built: {type(error).__name__}: {error}")
             failure.__cause__ = error
     names = None if triangles is None else (triangles.regions, triangles.boundaries)
-    failure, names = comm.bcast((failure, names), root=0)
-    if failure is not None:
-        raise failure
+    heard, names = comm.bcast((failure, names), root=0)
+    if heard is not None:
+        raise failure or heard
     assert names is not None
     if triangles is None:  # other ranks contribute nothing
         triangles = TriangleMesh(

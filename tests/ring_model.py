@@ -3,9 +3,8 @@
 import json
 import sys
 
-from mpi4py import MPI
-
 import numpy as np
+from mpi4py import MPI
 
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.meshes.rings import ring_mesh

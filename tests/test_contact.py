@@ -130,7 +130,7 @@ def evaluate(data, unknowns, displacement, edge=None):
 )
 def test_tangent_is_the_derivative_of_the_residual(shear, gap, expected):
     data = case(seed=3, shear=shear, gap=gap)
-    chain, points, parameters, _, stress, _, displacement, _ = data
+    _, points, parameters, _, stress, _, displacement, _ = data
     n, _, k = points.shape.shape
     unknowns = np.zeros((n, k))
     state, traction = evaluate(data, unknowns, displacement)

@@ -6,17 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dolfinx.mesh import entities_to_geometry
 from mpi4py import MPI
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
+from calfsocket.meshes.rings import ring_mesh
 from calfsocket.meshes.section import build, section_mesh
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.triangles import TriangleMesh
 
 
-def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str | None:
+def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str:
     """On rank 0, a hash of all that the mesh is, put into the order of gmsh."""
     mesh = section.mesh
     owned = mesh.topology.index_map(2).size_local
@@ -25,12 +27,8 @@ def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str | None:
     assert (ghosts > 0) == (comm.size > 1)
     mesh.topology.create_connectivity(1, 0)
     mesh.topology.create_connectivity(1, 2)
-    facet_nodes = np.sort(
-        mesh.geometry.input_global_indices[
-            dolfinx_nodes_of(mesh, section.facet_tags.indices)
-        ],
-        axis=1,
-    )
+    facet_nodes = entities_to_geometry(mesh, 1, section.facet_tags.indices)
+    facet_nodes = np.sort(mesh.geometry.input_global_indices[facet_nodes], axis=1)
     facets = np.column_stack([section.facet_tags.values, facet_nodes])
     parts = comm.gather(
         (
@@ -43,8 +41,10 @@ def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str | None:
         )
     )
     if parts is None:
-        return None
-    cell, cell_tags, nodes, node, x, facets = (np.concatenate(part) for part in zip(*parts))
+        return ""
+    cell, cell_tags, nodes, node, x, facets = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
     order = np.argsort(cell)
     assert np.array_equal(cell[order], np.arange(len(cell)))
     points = np.empty((node.max() + 1, 3))
@@ -52,15 +52,14 @@ def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str | None:
     return hashlib.sha256(
         b"".join(
             np.ascontiguousarray(array).tobytes()
-            for array in (cell_tags[order], np.sort(nodes[order]), points, np.unique(facets, axis=0))
+            for array in (
+                cell_tags[order],
+                np.sort(nodes[order]),
+                points,
+                np.unique(facets, axis=0),
+            )
         )
     ).hexdigest()
-
-
-def dolfinx_nodes_of(mesh, facets: np.ndarray) -> np.ndarray:
-    from dolfinx.mesh import entities_to_geometry
-
-    return entities_to_geometry(mesh, 1, facets)
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +69,7 @@ def coarse() -> TriangleMesh:
 
 def test_the_numbering_of_gmsh_is_found_again(coarse: TriangleMesh) -> None:
     mesh = distribute(MPI.COMM_SELF, lambda: coarse).mesh
-    assert np.array_equal(
-        mesh.geometry.x[:, :2], coarse.points[mesh.geometry.input_global_indices]
-    )
+    assert np.array_equal(mesh.geometry.x[:, :2], coarse.points[mesh.geometry.input_global_indices])
     nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmap]
     cells = coarse.cells[mesh.topology.original_cell_index]
     assert np.array_equal(np.sort(nodes, axis=1), np.sort(cells, axis=1))
@@ -84,41 +81,46 @@ sys.path.insert(0, {tests!r})
 from mpi4py import MPI
 from test_meshes_parallel import fingerprint
 from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.rings import ring_mesh
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
 comm = MPI.COMM_WORLD
 parts = load_limb(), load_sockets().socket("TSB"), mesh_size("coarse")
-print(fingerprint(comm, section_mesh(comm, *parts)) or "", end="")
-# Each rank a mesh of its own, at the same time.
-print(fingerprint(MPI.COMM_SELF, section_mesh(MPI.COMM_SELF, *parts)) if comm.rank else "", end="")
+print(fingerprint(comm, section_mesh(comm, *parts)), end="", flush=True)
+comm.barrier()
+if comm.rank == comm.size - 1:  # a rank by itself
+    print(fingerprint(MPI.COMM_SELF, ring_mesh(MPI.COMM_SELF, {ring})), end="", flush=True)
 """
+RING = [("fat", 10.0, 20.0)], (19.0, 24.0), 2.0
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_several_ranks_see_the_mesh_of_one(
     coarse: TriangleMesh, mpirun: Callable[..., str], ranks: int
 ) -> None:
-    expected = fingerprint(MPI.COMM_SELF, distribute(MPI.COMM_SELF, lambda: coarse))
-    program = SAME_MESH.format(tests=str(Path(__file__).parent))
-    assert mpirun(ranks, ["-c", program]) == expected * ranks
+    alone = MPI.COMM_SELF
+    expected = [
+        fingerprint(alone, distribute(alone, lambda: coarse)),
+        fingerprint(alone, ring_mesh(alone, *RING)),
+    ]
+    program = SAME_MESH.format(tests=str(Path(__file__).parent), ring=str(RING)[1:-1])
+    assert mpirun(ranks, ["-c", program]) == "".join(expected)
 
 
 REFUSAL = """
 from mpi4py import MPI
 from calfsocket.errors import InputError
 from calfsocket.meshes.rings import ring_mesh
-try:
-    ring_mesh(MPI.COMM_WORLD, [("fat", 1.0, 2.0)], None, {h})
-except {error} as error:
-    print("refused", flush=True)
+for size, error in ((0.0, InputError), ("no number", RuntimeError)):
+    try:
+        ring_mesh(MPI.COMM_WORLD, [("fat", 1.0, 2.0)], None, size)
+    except error:
+        print("refused", flush=True)
 """
 
 
-@pytest.mark.parametrize(("h", "error"), [("0.0", "InputError"), ("None", "RuntimeError")])
-def test_what_cannot_be_meshed_is_refused_on_every_rank(
-    mpirun: Callable[..., str], h: str, error: str
-) -> None:
-    assert mpirun(3, ["-c", REFUSAL.format(h=h, error=error)]).count("refused") == 3
+def test_what_cannot_be_meshed_is_refused_on_every_rank(mpirun: Callable[..., str]) -> None:
+    assert mpirun(3, ["-c", REFUSAL]).count("refused") == 3 * 2
 
 
 def test_other_errors_keep_their_cause() -> None:
@@ -129,6 +131,4 @@ def test_other_errors_keep_their_cause() -> None:
         distribute(MPI.COMM_SELF, fail)
     assert isinstance(caught.value.__cause__, ArithmeticError)
     with pytest.raises(InputError, match="no socket"):
-        section_mesh(
-            MPI.COMM_SELF, load_limb(), load_sockets().socket("none"), mesh_size("coarse")
-        )
+        section_mesh(MPI.COMM_SELF, load_limb(), load_sockets().socket("none"), mesh_size("coarse"))

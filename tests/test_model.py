@@ -5,12 +5,10 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from mpi4py import MPI
-from petsc4py import PETSc
-
 import numpy as np
 import pytest
-from ring_model import SOCKET, describe, ring_model, solved_ring
+from mpi4py import MPI
+from petsc4py import PETSc
 
 from calfsocket.contact.friction import SLIP, STICK
 from calfsocket.errors import SolveError
@@ -18,6 +16,7 @@ from calfsocket.meshes.rings import ring_mesh
 from calfsocket.model import Model
 from calfsocket.stepping import StepControl, Stepper
 from calfsocket.tissues import material_set
+from ring_model import SOCKET, describe, ring_model, solved_ring
 
 
 @pytest.fixture(scope="module")

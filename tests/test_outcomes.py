@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import logm
-from sections import contact_around, grid, limb_and_socket, section
 
 from calfsocket.contact_line import ContactLine
 from calfsocket.outcomes import (
@@ -24,6 +23,7 @@ from calfsocket.outcomes import (
     summary_rows,
 )
 from calfsocket.section_fields import GAUSS_POINTS, SectionFields
+from sections import contact_around, grid, limb_and_socket, section
 
 
 def plate(nx, ny, tissue="muscle", **kwargs) -> SectionFields:

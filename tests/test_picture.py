@@ -12,7 +12,6 @@ import matplotlib.colors
 import matplotlib.image
 import numpy as np
 import pytest
-from sections import contact_around, limb_and_socket
 
 from calfsocket import picture
 from calfsocket.picture import (
@@ -23,6 +22,7 @@ from calfsocket.picture import (
     region_outlines,
 )
 from calfsocket.writers import merge_csv, write_fields
+from sections import contact_around, limb_and_socket
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import pyvista
-from sections import contact_around, limb_and_socket
 
 from calfsocket.outcomes import cell_outcomes, summary_rows
 from calfsocket.section_fields import TISSUES
@@ -21,6 +20,7 @@ from calfsocket.writers import (
     write_fields,
     write_json,
 )
+from sections import contact_around, limb_and_socket
 
 KEY = ["socket", "material_set"]
 ORDER = [(s, m) for s in ("TC", "TSB", "HS") for m in ("separate", "combined")]

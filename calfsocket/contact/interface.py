@@ -78,10 +78,7 @@ class Face:
         layouts = [V.sub(0).sub(c).dofmap.dof_layout for c in range(2)]
         closure = np.array(
             [
-                [
-                    [layout.entity_dofs(0, v)[0] for layout in layouts]
-                    for v in _EDGE_VERTICES[facet]
-                ]
+                [[layout.entity_dofs(0, v)[0] for layout in layouts] for v in _EDGE_VERTICES[facet]]
                 + [[layout.entity_dofs(1, facet)[0] for layout in layouts]]
                 for facet in range(3)
             ]
@@ -91,14 +88,15 @@ class Face:
         for row, (cell, facet) in enumerate(entities):
             for c in range(2):
                 dofs[row, :, c] = component[c].cell_dofs(cell)[closure[facet, :, c]]
-        return cls(entities, domain.geometry.x[geometry_nodes][:, :, :2], dofs)
+        nodes = np.asarray(domain.geometry.x[geometry_nodes][:, :, :2], dtype=np.float64)
+        return cls(entities, nodes, dofs)
 
 
 class ContactInterface:
     """Frictional contact between skin and socket, on the communicator of the mesh.
 
-    Every rank holds the skin points of its own cells and a copy of the whole socket face, which is a
-    curve of some hundred edges.
+    Every rank holds the skin points of its own cells and a copy of the whole socket face, which is
+    a curve of some hundred edges.
 
     Parameters
     ----------
@@ -217,8 +215,8 @@ class ContactInterface:
         # Which side is out depends on the facet and on the cell's orientation: the vertex opposite
         # to the edge (of the same local number) is inside.
         opposite = domain.geometry.dofmap[entities[:, 0], entities[:, 1]]
-        inside = np.repeat(domain.geometry.x[opposite, :2].reshape(-1, 2), GAUSS_POINTS, axis=0)
-        inward = np.sum(normal * (inside - reference), axis=1) > 0
+        inside = np.asarray(domain.geometry.x[opposite, :2]).reshape(-1, 2)
+        inward = np.sum(normal * (np.repeat(inside, GAUSS_POINTS, axis=0) - reference), axis=1) > 0
         return points, np.where(inward[:, None], -normal, normal)
 
     def deformed_points(self) -> FloatArray:
@@ -293,15 +291,11 @@ class ContactInterface:
     def add_constraint_tangent(self, A: PETSc.Mat) -> None:
         """Add contact as a constraint, for counting negative modes (collective)."""
         state = self.state()
-        self._insert(
-            A, state, nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS)
-        )
+        self._insert(A, state, nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS))
 
     def _insert(self, A: PETSc.Mat, state: ContactState, blocks: FloatArray) -> None:
         """Add one block a skin point to the matrix."""
-        rows = np.concatenate(
-            [self._skin_rows, self._socket_rows[state.projection.edge]], axis=1
-        )
+        rows = np.concatenate([self._skin_rows, self._socket_rows[state.projection.edge]], axis=1)
         for indices, block in zip(rows, blocks, strict=True):
             A.setValues(indices, indices, block, addv=PETSc.InsertMode.ADD_VALUES)
 
@@ -321,5 +315,3 @@ class ContactInterface:
 def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
     """Global indices of local ones, in the same shape, of PETSc's integer type."""
     return index_map.local_to_global(local.ravel()).reshape(local.shape).astype(PETSc.IntType)
-
-

@@ -7,8 +7,8 @@ slip s since the last converged load step:
     trial pressure   T . n - gamma (g - (1 - load) min(g0, 0))
     trial shear      T . e - gamma_t s
 
-Coulomb's projection of the two gives the contact traction t = p n + q e on the skin, and minus it on
-the socket. The incomplete variant (theta = 0) has no term with the variation of T:
+Coulomb's projection of the two gives the contact traction t = p n + q e on the skin, and minus it
+on the socket. The incomplete variant (theta = 0) has no term with the variation of T:
 
     R(v) = - int_skin t . (v_skin(X) - v_socket(xi)) dS.
 

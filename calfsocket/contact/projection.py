@@ -228,5 +228,3 @@ def _partial_length(edges: FloatArray, xi: FloatArray) -> FloatArray:
     at = -1.0 + half[:, None] * (_ARC_POINTS + 1.0)
     first = np.einsum("nqa,nac->nqc", shape_functions(at)[1], edges)
     return half * (np.linalg.norm(first, axis=-1) @ _ARC_WEIGHTS)
-
-
