@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from mpi4py import MPI
 
@@ -17,6 +18,12 @@ from calfsocket.meshes.sizing import mesh_size
 from calfsocket.model import Model, SocketSupport
 from calfsocket.stepping import LoadStep, StepControl, Stepper
 from calfsocket.tissues import FasciaC10, MaterialSet, material_set
+
+GAP_TOLERANCE = 1e-2
+"""Largest gap in mm that a result may have where there is contact."""
+
+FORCE_TOLERANCE = 1e-6
+"""Largest force imbalance of a result, as a share of the force that presses on the skin."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +156,7 @@ class Run:
             except SolveError as error:
                 self.failure = str(error)
 
-    def checks(self) -> dict[str, object]:
+    def checks(self) -> dict[str, Any]:
         """Numbers by which a result is judged (collective).
 
         Returns
@@ -180,6 +187,20 @@ class Run:
                 "relative_force_imbalance": imbalance / pressing if pressing else 0.0,
                 "negative_modes": stepper.solver.negative_modes(),
             }
+
+    @staticmethod
+    def warnings(checks: dict[str, Any]) -> list[str]:
+        """Say which of the `checks` a result does not pass."""
+        found = []
+        if checks["negative_modes"] != 0:
+            found.append(f"unstable equilibrium: {checks['negative_modes']} negative modes")
+        if checks["smallest_volume_ratio"] <= 0:
+            found.append(f"inverted material in {checks['smallest_volume_ratio_region']}")
+        if checks["largest_gap_in_contact_mm"] > GAP_TOLERANCE:
+            found.append(f"gap of {checks['largest_gap_in_contact_mm']:.2g} mm in contact")
+        if checks["relative_force_imbalance"] > FORCE_TOLERANCE:
+            found.append("contact pressure not in equilibrium with the tibia's reaction")
+        return found
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:

@@ -280,12 +280,12 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     return OK if solved else CASE_FAILED
 
 
-def _on_first_rank(comm: "MPI.Intracomm", check: Callable[[], None]) -> None:
-    """Do a check on rank 0; where it refuses, refuse on all ranks."""
+def _on_first_rank(comm: "MPI.Intracomm", task: Callable[[], None]) -> None:
+    """Do something on rank 0; where it refuses the input, refuse on all ranks."""
     refusal: InputError | None = None
     if comm.rank == 0:
         try:
-            check()
+            task()
         except InputError as error:
             refusal = error
     refusal = comm.bcast(refusal, root=0)
@@ -294,18 +294,26 @@ def _on_first_rank(comm: "MPI.Intracomm", check: Callable[[], None]) -> None:
 
 
 def _mesh(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    from calfsocket.meshes.quality import format_table
     from calfsocket.meshes.section import write_section
 
-    if comm.rank == 0:
-        print(write_section(arguments.out, arguments.socket, arguments.size))
+    _on_first_rank(
+        comm,
+        lambda: print(format_table(write_section(arguments.out, arguments.socket, arguments.size))),
+    )
     return OK
 
 
 def _picture(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket import picture
+    from calfsocket.writers import FIELDS_FILE
 
-    if comm.rank == 0:
-        print(picture.draw(arguments.folder))
+    if not (arguments.folder / FIELDS_FILE).is_file():
+        raise InputError(
+            f"picture: {arguments.folder} holds no {FIELDS_FILE}; "
+            "name the folder of a solved case, e.g. results/TC_separate"
+        )
+    _on_first_rank(comm, lambda: print(picture.draw(arguments.folder)))
     return OK
 
 

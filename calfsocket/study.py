@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import gmsh
 import pandas as pd
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -168,6 +169,8 @@ class Ledger:
                 }
                 for material_set in MATERIAL_SETS
             },
+            "limb": study.limb.model_dump(mode="json"),
+            "sockets": study.sockets.model_dump(mode="json"),
             "petsc_options": PETSc.Options().getAll(),
             "finished": False,
             "seconds": 0.0,
@@ -233,7 +236,7 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
             with run.phase("picture"):
                 picture.draw_in_subprocess(study.out / case.name)
     load = float(run.model.contact.load)
-    warnings = [] if checks["negative_modes"] == 0 else ["not a stable equilibrium"]
+    warnings = run.warnings(checks)
     text = run.failure or "; ".join(["solved", *warnings])
     tell(text, load, True)
     return {
@@ -291,6 +294,7 @@ def _versions() -> dict[str, str]:
             versions[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
             versions[package] = "unknown"
+    versions["gmsh"] = gmsh.__version__
     versions["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
     versions["mpi"] = MPI.Get_library_version().split(",")[0].strip("\0\n ")
     return versions
