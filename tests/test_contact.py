@@ -19,11 +19,12 @@ def circle_edges(n: int, radius: float) -> np.ndarray:
     return np.stack([nodes[2 * ends], nodes[(2 * ends + 2) % (2 * n)], nodes[2 * ends + 1]], 1)
 
 
-def test_chain_from_loose_edges_is_closed_and_counter_clockwise():
+@pytest.mark.parametrize("flipped_share", [0.0, 0.5, 1.0])
+def test_chain_from_loose_edges_is_closed_and_counter_clockwise(flipped_share):
     rng = np.random.default_rng(1)
     edges = circle_edges(40, 10.0)
     shuffled = edges[rng.permutation(40)]
-    flip = rng.random(40) < 0.5
+    flip = rng.random(40) < flipped_share
     shuffled[flip] = shuffled[flip][:, [1, 0, 2]]
     order, flipped = order_chain(shuffled)
     node_order = np.where(flipped[:, None], [1, 0, 2], [0, 1, 2])

@@ -70,6 +70,17 @@ def test_ring_equilibrium(solved):
     assert solved.solver.negative_modes() == 0
 
 
+def test_slip_counts_from_the_step_before():
+    """Accepted when the next step begins, so that a finished run is read as it was solved."""
+    model = ring_model(MPI.COMM_SELF, h=6.0)
+    stepper = Stepper(model, StepControl(first=0.4, largest=0.4))
+    accept, accepted = model.contact.accept, []
+    model.contact.accept = lambda: (accepted.append(model.contact.load), accept())
+    stepper.run()
+    assert accepted == [step.load for step in stepper.steps[:-1]]
+    assert len(accepted) == 2
+
+
 def test_newton_converges_quadratically(solved):
     for step in solved.steps:
         before, last = step.newton.history[-3:-1]
