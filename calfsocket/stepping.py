@@ -134,6 +134,8 @@ class Stepper:
             contact.load = load
             step = control.cutback * (target - load)
             if step < control.smallest:
+                if load > 0:
+                    contact.revert()  # to the history with which this state was found
                 raise SolveError(_failure(load, target, result, region))
 
     def _take(self, target: float) -> NewtonResult:

@@ -163,7 +163,7 @@ class ContactInterface:
         start = self.chain.project(position, self._socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
-        self._converged_arc = start.arc
+        self._converged_arc = self._earlier_arc = start.arc
 
     # -- geometry -------------------------------------------------------------------------------
 
@@ -260,7 +260,12 @@ class ContactInterface:
 
     def accept(self) -> None:
         """Make the present positions the ones from which slip counts (collective)."""
+        self._earlier_arc = self._converged_arc
         self._converged_arc = self.state().projection.arc
+
+    def revert(self) -> None:
+        """Take the last `accept` back."""
+        self._converged_arc = self._earlier_arc
 
     # -- assembly -------------------------------------------------------------------------------
 
