@@ -97,9 +97,7 @@ class DiscInCavity:
                 f"disc: core, radius, bore are {self.core}, {self.radius}, {self.bore} mm; "
                 "need 0 < core < radius < bore"
             )
-        _positive(
-            "disc", thickness=self.thickness, h=self.h, reach=self.reach, growth=self.growth
-        )
+        _positive("disc", thickness=self.thickness, h=self.h, reach=self.reach, growth=self.growth)
 
     def build(self) -> TriangleMesh:
         """Mesh disc and cavity on this process."""

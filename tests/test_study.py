@@ -148,7 +148,7 @@ def test_a_case_that_fails_says_why_and_does_not_stop_the_others(mpirun, tmp_pat
         assert "max_it" in case["message"]
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_one_case_on_several_ranks_agrees(ranks, mpirun, tmp_path, summary):
     words = ["-m", "calfsocket", "--size", "coarse", "--sockets", "TSB", "--materials", "combined"]
     mpirun(ranks, [*words, "--ranks-per-case", str(ranks), "--no-pictures"], timeout=400)

@@ -1,9 +1,11 @@
 """A model whose held boundaries are moved: the loads of the verification problems."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -12,6 +14,27 @@ from calfsocket.model import Model
 from calfsocket.solver import NewtonResult, Solver
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Body:
+    """Displacement unknowns of some regions.
+
+    Not all are values at nodes (the element has a bubble), so positions are given as unknowns, too.
+
+    Attributes
+    ----------
+    dofs : (n, 2) int
+        Local indices of the two components, ghosts included.
+    reference : (n, 2) float
+        Unknowns of the field that is the undeformed position, mm.
+    shift : (n, 2) float
+        Unknowns of the field that is 1 everywhere.
+    """
+
+    dofs: NDArray[np.int32]
+    reference: FloatArray
+    shift: FloatArray
 
 
 class DrivenModel(Model):
@@ -32,30 +55,22 @@ class DrivenModel(Model):
         super().residual(x, f)
         f.array[self.held] -= self.prescribed[self.held]
 
-    def body(self, regions: Sequence[str]) -> tuple[NDArray[np.int32], FloatArray]:
-        """Displacement unknowns of regions and the coefficients of their reference position.
-
-        Returns
-        -------
-        dofs, reference : (n, 2) each
-            Local indices, ghosts included, and the undeformed position in mm; zero for the cubic
-            bubbles, whose functions are not needed for a position on quadratic triangles.
-        """
-        domain = self.section.mesh
-        domain.topology.create_connectivity(2, 2)
+    def body(self, regions: Sequence[str]) -> "Body":
+        """Return the displacement unknowns of regions (collective)."""
         cells = np.flatnonzero(
             np.isin(self.region_ids(), [self.section.regions[name] for name in regions])
         )
-        components = [self.V.sub(0).sub(c).dofmap for c in range(2)]
-        layouts = [dofmap.dof_layout for dofmap in components]
-        entities = [(0, i) for i in range(3)] + [(1, i) for i in range(3)] + [(2, 0)]
-        at = np.array([[layout.entity_dofs(*e)[0] for layout in layouts] for e in entities])
-        dofs = np.stack([components[c].list[cells][:, at[:, c]] for c in range(2)], axis=2)
-        reference = np.zeros((len(cells), len(entities), 2))
-        reference[:, :6] = domain.geometry.x[domain.geometry.dofmap[cells]][:, :, :2]
-        unique, first = np.unique(dofs[:, :, 0].ravel(), return_index=True)
-        assert len(unique) == len(first)
-        return dofs.reshape(-1, 2)[first], reference.reshape(-1, 2)[first]
+        dofs, reference, shift = [], [], []
+        for component in range(2):
+            space, parent = self.V.sub(0).sub(component).collapse()
+            position, one = fem.Function(space), fem.Function(space)
+            position.interpolate(lambda x, c=component: x[c])
+            one.interpolate(lambda x: np.ones(x.shape[1]))
+            own = np.unique(space.dofmap.list[cells])
+            dofs.append(np.asarray(parent, dtype=np.int32)[own])
+            reference.append(position.x.array[own])
+            shift.append(one.x.array[own])
+        return Body(*(np.stack(values, axis=1) for values in (dofs, reference, shift)))
 
     def reaction(self, boundary: str) -> tuple[FloatArray, float]:
         """Force and torque that hold a boundary, at the last residual (collective).
@@ -71,22 +86,16 @@ class DrivenModel(Model):
             N per mm, and N mm per mm about the origin at the deformed positions.
         """
         section = self.section
-        dofs, reference = self.body(list(section.regions))
-        on = np.zeros_like(self._constrained)
+        body = self.body(list(section.regions))
         facets = section.facet_tags.find(section.boundaries[boundary])
-        on[self._facet_dofs(facets)] = True
-        owned = on[dofs[:, 0]] & (dofs[:, 0] < self.V.dofmap.index_map.size_local)
-        dofs, reference = dofs[owned], reference[owned]
+        held = fem.locate_dofs_topological(self.V.sub(0).sub(0), 1, facets)
+        owned = np.isin(body.dofs[:, 0], held[held < self.V.dofmap.index_map.size_local])
+        dofs = body.dofs[owned]
         force = self._b.array_r[dofs]
-        position = reference + self.w.x.array[dofs]
+        position = body.reference[owned] + self.w.x.array[dofs]
         torque = position[:, 0] @ force[:, 1] - position[:, 1] @ force[:, 0]
         total = self.comm.allreduce(np.array([*force.sum(axis=0), torque]))
         return total[:2], float(total[2])
-
-    def _facet_dofs(self, facets: NDArray[np.int32]) -> NDArray[np.int32]:
-        from dolfinx import fem
-
-        return fem.locate_dofs_topological(self.V.sub(0).sub(0), 1, facets)
 
 
 class Drive:
@@ -117,13 +126,11 @@ class Drive:
         """
         model, x = self.model, self.solver.x
         model.set_unknowns(x)
-        dofs, reference = model.body(regions)
+        body = model.body(regions)
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, -s], [s, c]])
-        is_node = np.any(reference != 0.0, axis=1)
-        moved = (reference + model.w.x.array[dofs]) @ rotation.T - reference
-        moved[is_node] += shift
-        model.w.x.array[dofs] = moved
+        moved = (body.reference + model.w.x.array[body.dofs]) @ rotation.T - body.reference
+        model.w.x.array[body.dofs] = moved + body.shift * shift
         model.prescribed[:] = model.w.x.array
         x.array[:] = model.w.x.array[: len(x.array)]
 
