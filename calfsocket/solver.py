@@ -1,5 +1,6 @@
 """One equilibrium at one load: PETSc SNES with MUMPS, and the inertia of its tangent."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -108,7 +109,7 @@ class Solver:
         return NewtonResult(
             converged=reason > 0,
             iterations=self._snes.getIterationNumber(),
-            residual=self._history[-1],
+            residual=self._history[-1] if self._history else math.nan,
             reason=_reason_name(reason),
             history=tuple(self._history),
         )

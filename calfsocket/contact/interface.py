@@ -285,7 +285,7 @@ class ContactInterface:
         nominal = self.nominal_traction()
         state = self.state(nominal)
         n = len(nominal)
-        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, -1)
+        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, self.points.shape.shape[2])
         d_nominal = np.einsum("ncdk,nd->nck", d_stress, self._normal)
         self._insert(
             A,

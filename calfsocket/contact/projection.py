@@ -215,7 +215,7 @@ def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray
         # Beyond its centre of curvature a distant edge has no closest point; it loses anyway.
         step = -residual / np.where(slope < 0, slope, -np.sum(first * first, axis=-1))
         xi = np.clip(xi + step, -3.0, 3.0)
-        if np.abs(step).max() < _NEWTON_TOLERANCE:
+        if np.abs(step).max(initial=0.0) < _NEWTON_TOLERANCE:
             break
     values = shape_functions(xi)[0]
     offset = points - np.einsum("...a,...ac->...c", values, nodes)

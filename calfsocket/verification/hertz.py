@@ -1,0 +1,399 @@
+r"""Hertz and Cattaneo-Mindlin: an elastic disc on a flat, and in a bore.
+
+Two long cylinders that touch along a line, of radii R1 and R2 (negative in a bore, infinite for a
+flat) and moduli E1, nu1 and E2, nu2, pressed by the force P per length, share the half-width a and
+the pressure
+
+    p(x) = p0 sqrt(1 - x^2/a^2),   a^2 = 4 P R / (pi E'),   p0 = 2 P / (pi a),
+    1/R = 1/R1 + 1/R2,             1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2,
+
+as long as a is small against the bodies and the strain p0/E' = a/(2R) against 1. With friction and
+equal materials, a tangential force Q < mu P leaves a zone |x| < c without slip:
+
+    q(x) = mu p0 (sqrt(1 - x^2/a^2) - (c/a) sqrt(1 - x^2/c^2)),   c/a = sqrt(1 - Q/(mu P)),
+
+the second root only inside c. Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731,
+sections 4.2 and 7.2.
+
+The disc is pressed by moving its held core. Force and tangential force are reactions of the core,
+half-width and peak are taken from the contact pressure on the skin; the theory takes the force.
+Pressures are means over skin edges: within an edge they scatter (see `contact_patch`).
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from calfsocket.contact.friction import STICK
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.laws import Hencky
+from calfsocket.meshes import tags
+from calfsocket.meshes.blocks import LIMB, DiscInCavity
+from calfsocket.verification.driven import Drive, DrivenModel
+from calfsocket.verification.report import Check, Figure, Section
+
+FloatArray = NDArray[np.float64]
+
+JOHNSON = "Johnson 1985, section 4.2"
+CATTANEO = "Cattaneo 1938, Mindlin 1949; Johnson 1985, section 7.2"
+DIVISIONS = (3.0, 6.0, 12.0)
+SHARE, STEPS = 0.6, 6
+
+
+MATERIAL = Hencky(e=1.0, nu=0.3)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A disc pressed on a cavity.
+
+    Attributes
+    ----------
+    bore : float
+        Radius of the cavity in mm; infinite for a flat.
+    half_width : float
+        Half-width of contact aimed at, mm: sets how far the core is moved.
+    divisions : float
+        Element sides in a half-width.
+    limb, socket : Hencky
+        Materials of disc and cavity; linear elastic at strains of a few 1e-3.
+    fric_coeff : float
+        Coefficient of friction.
+    radius, core, thickness : float
+        Radii of the disc and of its held core, and thickness of the cavity's wall, mm.
+    """
+
+    bore: float = math.inf
+    half_width: float = 0.1
+    divisions: float = 6.0
+    limb: Hencky = MATERIAL
+    socket: Hencky = MATERIAL
+    fric_coeff: float = 0.0
+    radius: float = 10.0
+    core: float = 7.0
+    thickness: float = 5.0
+
+    @property
+    def h(self) -> float:
+        """Element side in the contact, mm."""
+        return self.half_width / self.divisions
+
+    @property
+    def relative_radius(self) -> float:
+        """R, mm."""
+        return 1.0 / (1.0 / self.radius - 1.0 / self.bore)
+
+    @property
+    def modulus(self) -> float:
+        """E', MPa."""
+        return 1.0 / sum((1.0 - law.nu**2) / law.e for law in (self.limb, self.socket))
+
+    def half_width_of(self, force: float) -> float:
+        """Half-width a in mm of the force in N/mm."""
+        return math.sqrt(4.0 * force * self.relative_radius / (math.pi * self.modulus))
+
+    def peak_of(self, force: float) -> float:
+        """Peak p0 in MPa of the force in N/mm."""
+        return 2.0 * force / (math.pi * self.half_width_of(force))
+
+    def approach(self) -> float:
+        """How far to move the core for `half_width`, mm, from layers of the bodies' depths.
+
+        Johnson 1985, equation (5.57): the depression of the surface of a half-plane under a Hertz
+        pressure with respect to a point at the depth d. It only sets the load's size.
+        """
+        force = math.pi * self.modulus * self.half_width**2 / (4.0 * self.relative_radius)
+        depths = (self.radius - self.core, self.thickness)
+        return sum(
+            force
+            / math.pi
+            * (1.0 - law.nu**2)
+            / law.e
+            * (2.0 * math.log(2.0 * depth / self.half_width) - law.nu / (1.0 - law.nu))
+            for law, depth in zip((self.limb, self.socket), depths, strict=True)
+        )
+
+    def drive(self, comm: MPI.Comm) -> Drive:
+        """Make the model, touching in one point."""
+        disc = DiscInCavity(
+            radius=self.radius,
+            core=self.core,
+            bore=self.bore,
+            thickness=self.thickness,
+            h=self.h,
+            reach=1.5 * self.half_width,
+        )
+        stiffness = self.limb.e / self.h
+        model = DrivenModel(
+            disc.mesh(comm),
+            {LIMB: self.limb, tags.SOCKET: self.socket},
+            ContactParameters(self.fric_coeff, gamma=stiffness, gamma_t=0.5 * stiffness),
+            socket_support="outer-fixed",
+        )
+        model.contact.load = 1.0
+        return Drive(model)
+
+
+BORE = Line(bore=12.5, socket=Hencky(e=3.0, nu=0.4))
+PARTIAL_SLIP = Line(divisions=12.0, fric_coeff=0.4)
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """Contact of a `Line`, on one rank.
+
+    Attributes
+    ----------
+    line : Line
+        The problem.
+    force, tangential : float
+        Force and tangential force from the reaction of the core, N/mm.
+    imbalance : float
+        |integral of the contact pressure / force - 1|.
+    half_width : float
+        From the second moment of the pressure, which is a^2/4 for Hertz's, mm.
+    peak : float
+        Largest pressure, mean over a skin edge, MPa.
+    x, pressure, shear, weight : (m,)
+        Middle of each skin edge near the floor from the centre of pressure in mm, mean traction on
+        it in MPa and its length in mm.
+    moments : tuple of float
+        Second moments of pressure and of |shear| about the centre of pressure, N mm.
+    stick_half_width : float
+        Half the length of the points that stick, mm; it counts points, so that it jumps.
+    point_peak : float
+        Largest pressure of a quadrature point, MPa.
+    """
+
+    line: Line
+    force: float
+    tangential: float
+    imbalance: float
+    half_width: float
+    peak: float
+    x: FloatArray
+    pressure: FloatArray
+    shear: FloatArray
+    weight: FloatArray
+    moments: tuple[float, float]
+    stick_half_width: float
+    point_peak: float
+
+    @property
+    def half_width_error(self) -> float:
+        """Relative error of the half-width."""
+        return self.half_width / self.line.half_width_of(self.force) - 1.0
+
+    @property
+    def peak_error(self) -> float:
+        """Relative error of the peak pressure."""
+        return self.peak / self.line.peak_of(self.force) - 1.0
+
+    @property
+    def force_error(self) -> float:
+        """Relative error of the force that Hertz gives for the measured half-width."""
+        line = self.line
+        theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
+        return theory / self.force - 1.0
+
+    @property
+    def profile_error(self) -> float:
+        """Root mean square of pressure minus Hertz's, over that of Hertz's."""
+        exact = self.exact_pressure(self.x, self.weight)
+        return _relative(self.pressure, exact, self.weight)
+
+    @property
+    def stick_ratio(self) -> float:
+        """Exact c/a for the measured forces."""
+        return math.sqrt(1.0 - abs(self.tangential) / (self.line.fric_coeff * self.force))
+
+    @property
+    def stick_error(self) -> float:
+        """Relative error of the stick zone's half-width c, from the shear traction.
+
+        The second moment of Cattaneo's traction is mu times that of the pressure times
+        1 - (c/a)^4; the exact c comes from the forces.
+        """
+        normal, tangential = self.moments
+        share = tangential / (self.line.fric_coeff * normal)
+        return (1.0 - share) ** 0.25 / self.stick_ratio - 1.0
+
+    @property
+    def stick_points_error(self) -> float:
+        """Relative error of the length of the points that stick."""
+        return self.stick_half_width / (self.stick_ratio * self.exact_half_width) - 1.0
+
+    @property
+    def shear_error(self) -> float:
+        """Root mean square of shear minus Cattaneo's, over that of Cattaneo's."""
+        return _relative(self.shear, self.exact_shear(self.x, self.weight), self.weight)
+
+    @property
+    def exact_half_width(self) -> float:
+        """Hertz's a of the measured force, mm."""
+        return self.line.half_width_of(self.force)
+
+    def exact_pressure(self, x: FloatArray, length: FloatArray) -> FloatArray:
+        """Hertz's pressure for the measured force, mean over edges about x, MPa."""
+        a = self.exact_half_width
+        return self.line.peak_of(self.force) * _root_mean(x / a, length / a)
+
+    def exact_shear(self, x: FloatArray, length: FloatArray) -> FloatArray:
+        """Cattaneo's traction on the skin for the measured forces, mean over edges about x, MPa."""
+        a, ratio = self.exact_half_width, self.stick_ratio
+        c = ratio * a
+        size = self.line.fric_coeff * self.line.peak_of(self.force)
+        sign = math.copysign(1.0, -self.tangential)
+        return sign * size * (_root_mean(x / a, length / a) - ratio * _root_mean(x / c, length / c))
+
+
+def press(line: Line) -> Pressed:
+    """Press the disc in one step."""
+    drive = line.drive(MPI.COMM_SELF)
+    drive.step([LIMB], shift=(0.0, -line.approach()))
+    return _read(line, drive)
+
+
+def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
+    """Press the disc, then move its core sideways.
+
+    Parameters
+    ----------
+    line : Line
+        With friction, and equal materials.
+    share : float
+        Q/(mu P) aimed at: a half-plane gives way alike to normal and to tangential forces.
+    steps : int
+        Steps of the tangential motion.
+    """
+    drive = line.drive(MPI.COMM_SELF)
+    drive.step([LIMB], shift=(0.0, -line.approach()))
+    way = share * line.fric_coeff * line.approach()
+    for _ in range(steps):
+        drive.step([LIMB], shift=(way / steps, 0.0))
+    return _read(line, drive)
+
+
+def _read(line: Line, drive: Drive) -> Pressed:
+    model = drive.model
+    contact = model.contact
+    model.set_unknowns(drive.solver.x)
+    state = contact.state()
+    reaction, _ = model.reaction(tags.TIBIA_MEDULLARY)
+    force = -float(reaction[1])
+    law, position, weight = state.traction, contact.deformed_points(), contact.points.weight
+    floor = position[:, 1] < -0.5 * line.radius
+    total = weight @ law.pressure
+    x = position[:, 0] - weight @ (law.pressure * position[:, 0]) / total
+    edges = len(contact.skin.nodes)
+    length = weight.reshape(edges, -1).sum(axis=1)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return (weight * values).reshape(edges, -1).sum(axis=1) / length
+
+    near = floor.reshape(edges, -1).all(axis=1)
+    near &= np.abs(mean(x)) < 2.0 * line.half_width
+    order = np.flatnonzero(near)[np.argsort(mean(x)[near])]
+    return Pressed(
+        line=line,
+        force=force,
+        tangential=float(reaction[0]),
+        imbalance=float(abs(total / force - 1.0)),
+        half_width=2.0 * math.sqrt(weight @ (law.pressure * x**2) / total),
+        peak=float(mean(law.pressure).max()),
+        x=mean(x)[order],
+        pressure=mean(law.pressure)[order],
+        shear=mean(law.shear)[order],
+        weight=length[order],
+        moments=(
+            float(weight @ (law.pressure * x**2)),
+            float(weight @ (np.abs(law.shear) * x**2)),
+        ),
+        stick_half_width=0.5 * float(weight[law.status == STICK].sum()),
+        point_peak=float(law.pressure.max()),
+    )
+
+
+def _root_mean(x: NDArray[Any], length: NDArray[Any]) -> FloatArray:
+    """Mean of sqrt(1 - t^2), zero beyond 1, over the intervals of a length about x."""
+
+    def integral(t: NDArray[Any]) -> NDArray[Any]:
+        t = np.clip(t, -1.0, 1.0)
+        return 0.5 * (t * np.sqrt(1.0 - t**2) + np.arcsin(t))
+
+    mean: FloatArray = (integral(x + 0.5 * length) - integral(x - 0.5 * length)) / length
+    return mean
+
+
+def _relative(values: FloatArray, exact: FloatArray, weight: FloatArray) -> float:
+    return math.sqrt(weight @ (values - exact) ** 2 / (weight @ exact**2))
+
+
+def report() -> Section:
+    """Hertz on a flat and in a bore, and partial slip: minutes."""
+    flat = [press(Line(divisions=n)) for n in DIVISIONS]
+    bore = [press(replace(BORE, divisions=n)) for n in DIVISIONS]
+    partial = press_and_pull(PARTIAL_SLIP, SHARE, STEPS)
+    checks = []
+    for name, results in (("on a flat", flat), ("in a bore", bore)):
+        finest = results[-1]
+        for what, value in (
+            ("force of the measured half-width", finest.force_error),
+            ("half-width", finest.half_width_error),
+            ("peak pressure", finest.peak_error),
+            ("pressure profile", finest.profile_error),
+        ):
+            checks.append(Check(f"disc {name}: {what}", value, 0.01, "", JOHNSON))
+    checks += [
+        Check("partial slip: stick half-width", partial.stick_error, 0.02, "", CATTANEO),
+        Check("partial slip: shear profile", partial.shear_error, 0.02, "", CATTANEO),
+    ]
+
+    def pressure(axes: Axes) -> None:
+        for name, result, mark in (("flat", flat[-1], "o"), ("bore", bore[-1], "x")):
+            scale = result.line.peak_of(result.force)
+            axes.plot(result.x / result.exact_half_width, result.pressure / scale, mark, label=name)
+        x = np.linspace(-1.5, 1.5, 601)
+        axes.plot(x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "k-", lw=1, label="Hertz")
+        axes.set(xlabel="x / a", ylabel="p / p0", xlim=(-1.5, 1.5))
+        axes.legend()
+
+    def shear(axes: Axes) -> None:
+        a = partial.exact_half_width
+        scale = partial.line.fric_coeff * partial.line.peak_of(partial.force)
+        x = np.linspace(-1.5, 1.5, 1201)
+        exact = partial.exact_shear(x * a, np.full_like(x, 1e-6 * a))
+        axes.plot(partial.x / a, partial.pressure * partial.line.fric_coeff / scale, ".", c="0.6")
+        axes.plot(x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "-", c="0.6", lw=1, label="mu p")
+        axes.plot(partial.x / a, np.abs(partial.shear) / scale, "o", label="computed")
+        axes.plot(x, np.abs(exact) / scale, "k-", lw=1, label="Cattaneo, Mindlin")
+        axes.set(xlabel="x / a", ylabel="q / (mu p0)", xlim=(-1.5, 1.5))
+        axes.legend()
+
+    def convergence(axes: Axes) -> None:
+        n = np.array(DIVISIONS)
+        for name, results, style in (("flat", flat, "-"), ("bore", bore, "--")):
+            for what, values in (
+                ("half-width", [r.half_width_error for r in results]),
+                ("peak", [r.peak_error for r in results]),
+                ("profile", [r.profile_error for r in results]),
+            ):
+                axes.loglog(n, np.abs(values), style, marker="o", label=f"{what}, {name}")
+        axes.set(xlabel="element sides in a half-width", ylabel="relative error")
+        axes.legend(fontsize="small")
+
+    return Section(
+        title="Hertz and partial slip",
+        text=__doc__ or "",
+        checks=checks,
+        figures=[
+            Figure("hertz_pressure", pressure, "Contact pressure and Hertz's."),
+            Figure("hertz_convergence", convergence, "Errors against Hertz with the element size."),
+            Figure("partial_slip", shear, "Shear traction under a tangential force below slip."),
+        ],
+    )
