@@ -324,10 +324,32 @@ def _warm(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _verify_parser(program: str) -> _Parser:
+    parser = _Parser(
+        prog=program,
+        description="Solve problems with known answers and write verification.md, with figures.",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("docs"), metavar="DIR", help="default: %(default)s"
+    )
+    return parser
+
+
+def _verify(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    from calfsocket import compilation
+    from calfsocket.verification.page import write_page
+
+    if comm.size > 1:
+        raise InputError("verify: runs on one rank; start it without mpirun")
+    compilation.warm(comm)
+    return OK if write_page(arguments.out) else CASE_FAILED
+
+
 Action = Callable[["MPI.Intracomm", argparse.Namespace], int]
 
 COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
     "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),
     "picture": (_picture, _picture_parser, "draw a solved case again"),
+    "verify": (_verify, _verify_parser, "solve problems with known answers, and say how well"),
     "warm": (_warm, _warm_parser, "compile all forms now rather than at the first run"),
 }

@@ -23,7 +23,7 @@ from calfsocket.tissues import (
     SOCKET,
     VESSEL,
 )
-from closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
+from calfsocket.verification.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
 
 TWO_TERMS = Ogden(mu=(0.4, -0.05), alpha=(3.3, -2.7), d1=0.1)
 AS_PRINTED = Ogden(mu=(0.012,), alpha=(14.0,), d1=1.67, form="as-printed")

@@ -13,7 +13,7 @@ from calfsocket import tissues
 from calfsocket.errors import InputError
 from calfsocket.forms.mixed import LAW_IDS
 from calfsocket.laws import Hencky, Law, Ogden, Yeoh, law_fields, law_tags
-from closed_forms import closed_kirchhoff
+from calfsocket.verification.closed_forms import closed_kirchhoff
 
 KPA = 1e-3
 

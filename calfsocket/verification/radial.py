@@ -1,0 +1,369 @@
+r"""The exact solution of concentric rings under radial load, in plane strain.
+
+The deformed radius r(R) has the principal stretches l_r = r', l_t = r/R, l_z = 1, and the nominal
+stresses P_k = (tau_k + J p)/l_k, tau the law's isochoric Kirchhoff stress, obey
+
+    dP_r/dR = (P_t - P_r)/R,    p = K (J - 1), or J = 1 where incompressible.
+
+r and P_r are continuous between tissues. At the contact the skin's force per angle R P_r is the
+socket's, and the deformed radii agree up to the share of the overclosure that is not yet released.
+The innermost circle is held, the socket's outer face free; friction has no part, for nothing moves
+around.
+
+Everything comes from `closed_forms` (principal stretches, numpy), by collocation with one Chebyshev
+polynomial a ring; nothing from UFL or the finite elements.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
+
+from calfsocket.errors import CalfsocketError
+from calfsocket.laws import Law
+from calfsocket.verification.closed_forms import closed_energy, closed_kirchhoff
+
+FloatArray = NDArray[np.float64]
+Array = NDArray[Any]  # also long doubles and complex numbers
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A ring of one tissue: its region's name, tissue, and radii in mm."""
+
+    name: str
+    tissue: str
+    inner: float
+    outer: float
+
+
+# Every tissue of the limb, and the order of a calf from the tibia out.
+LIMB = (
+    Ring("bone", "bone", 10.0, 14.0),
+    Ring("muscle_deep", "muscle", 14.0, 19.0),
+    Ring("fascia_intermuscular", "fascia", 19.0, 20.0),
+    Ring("vessel", "vessel", 20.0, 22.0),
+    Ring("muscle_superficial", "muscle", 22.0, 27.0),
+    Ring("fascia_deep", "fascia", 27.0, 28.0),
+    Ring("fat", "fat", 28.0, 32.0),
+    Ring("skin", "skin", 32.0, 34.0),
+)
+SOCKET_THICKNESS = 4.5
+SOCKET = "socket"
+
+NODES = 14
+"""Chebyshev nodes in a ring; twice as many change the contact pressure by 1e-15, ten by 3e-12."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The solution in one ring at n radii.
+
+    Attributes
+    ----------
+    radius, deformed : (n,)
+        Undeformed and deformed radius, mm.
+    stretch : (2, n)
+        Radial and hoop.
+    stress : (3, n)
+        Cauchy stress, radial, hoop and axial, MPa.
+    """
+
+    radius: FloatArray
+    deformed: FloatArray
+    stretch: FloatArray
+    stress: FloatArray
+
+
+class RingLaw:
+    """A law in the radial problem: what follows from P_r and the hoop stretch.
+
+    Stretches are extended to long doubles: bone's strains of 1e-6 have ten digits only in a double
+    near 1, and its stress no more than them.
+
+    Parameters
+    ----------
+    law : Law
+        Of the tissue.
+    """
+
+    def __init__(self, law: Law) -> None:
+        self.law = law
+        self.incompressible = not np.isfinite(law.bulk_modulus)
+
+    def radial_stretch(self, nominal: Array, hoop: Array) -> Array:
+        """l_r at which the law has the radial nominal stress P_r, by Newton's method."""
+        stretch = 1.0 / hoop
+        if self.incompressible:
+            return stretch
+        for _ in range(60):
+            change = (self._nominal_radial(stretch, hoop) - nominal) / _slope(
+                lambda radial: self._nominal_radial(radial, hoop), stretch
+            )
+            stretch = stretch - change
+            if np.abs(change).max() < 1e-12:  # quadratic: the next would be below rounding
+                return stretch
+        raise CalfsocketError(f"{self.law}: no radial stretch found for P_r = {nominal} MPa")
+
+    def slopes(self, nominal: Array, hoop: Array) -> tuple[Array, Array, Array]:
+        """Return l_r and P_t (MPa), and their derivatives by P_r and hoop stretch, (2, 2, n)."""
+        radial = self.radial_stretch(nominal, hoop)
+        by_nominal, by_hoop = np.zeros_like(hoop), -1.0 / hoop**2
+        if not self.incompressible:
+            by_nominal = 1.0 / _slope(lambda lr: self._nominal_radial(lr, hoop), radial)
+            by_hoop = -by_nominal * _slope(lambda lt: self._nominal_radial(radial, lt), hoop)
+        through = _slope(lambda lr: self._nominal_hoop(nominal, lr, hoop), radial)
+        direct_nominal = radial / hoop
+        direct_hoop = _slope(lambda lt: self._nominal_hoop(nominal, radial, lt), hoop)
+        derivative = np.array(
+            [
+                [by_nominal, by_hoop],
+                [through * by_nominal + direct_nominal, through * by_hoop + direct_hoop],
+            ]
+        )
+        return radial, self._nominal_hoop(nominal, radial, hoop), derivative
+
+    def cauchy(self, nominal: Array, radial: Array, hoop: Array) -> FloatArray:
+        """Cauchy stress in MPa, radial, hoop and axial; (3, n)."""
+        tau = closed_kirchhoff(self.law, _principal(radial, hoop))
+        return np.asarray((nominal * radial + tau - tau[0]) / (radial * hoop), dtype=float)
+
+    def energy(self, radial: Array, hoop: Array) -> FloatArray:
+        """Return the stored energy per reference volume, MPa; (n,)."""
+        energy = closed_energy(self.law, _principal(radial, hoop))
+        if not self.incompressible:
+            energy = energy + 0.5 * self.law.bulk_modulus * (radial * hoop - 1.0) ** 2
+        return np.asarray(energy, dtype=float)
+
+    def _nominal_radial(self, radial: Array, hoop: Array) -> Array:
+        J = radial * hoop
+        tau = closed_kirchhoff(self.law, _principal(radial, hoop))
+        return np.asarray((tau[0] + J * self.law.bulk_modulus * (J - 1.0)) / radial)
+
+    def _nominal_hoop(self, nominal: Array, radial: Array, hoop: Array) -> Array:
+        tau = closed_kirchhoff(self.law, _principal(radial, hoop))
+        return np.asarray((nominal * radial - tau[0] + tau[1]) / hoop)
+
+
+def _principal(radial: Array, hoop: Array) -> Array:
+    radial, hoop = np.broadcast_arrays(radial, hoop)
+    return np.array([radial, hoop, np.ones_like(radial)])
+
+
+def _slope(function: Callable[[Array], Array], at: Array) -> Array:
+    """Differentiate by a complex step: exact to rounding."""
+    step = 1e-30
+    return np.asarray(function(at + 1j * step).imag / step)
+
+
+class RadialSolution:
+    """The radial problem of nested rings, solved by collocation and Newton's method.
+
+    In each ring the radial displacement u = r - R (mm) and the nominal stress P_r (MPa) are
+    polynomials with values at Chebyshev's nodes; at all of them but the innermost
+
+        u' = l_r(P_r, l_t) - 1,    P_r' = (P_t - P_r)/R,    l_t = 1 + u/R.
+
+    The innermost circle is held.
+
+    Parameters
+    ----------
+    rings : sequence of Ring
+        From the inside out.
+    laws : mapping of tissue to law
+        Laws of the rings.
+    outside : (float, float, float)
+        Coefficients (a, b, c) of the condition a u + b P_r = c at the outermost radius.
+    jump : float
+        How far u jumps where a ring overlaps the one before it, mm.
+    nodes : int
+        Nodes of a ring.
+    """
+
+    def __init__(
+        self,
+        rings: Sequence[Ring],
+        laws: Mapping[str, Law],
+        outside: tuple[float, float, float],
+        jump: float = 0.0,
+        nodes: int = NODES,
+    ) -> None:
+        self.rings = list(rings)
+        self.laws = {ring.name: RingLaw(laws[ring.tissue]) for ring in rings}
+        self._nodes = -np.cos(np.linspace(0.0, np.pi, nodes))
+        self._D = _differentiation(self._nodes)
+        x: FloatArray = np.zeros((len(rings), 2, nodes))  # ring, (u, P_r), node
+        for _ in range(20):
+            residual, tangent = self._system(x, outside, jump)
+            # Rows of bone and of muscle differ by their moduli.
+            size = np.abs(tangent).max(axis=1)
+            change = np.linalg.solve(tangent / size[:, None], residual / size).reshape(x.shape)
+            x = x - change
+            # Quadratic convergence: what is left is the square of this change, or rounding.
+            if np.all(np.abs(change) <= 1e-10 * np.abs(x).max(axis=2, keepdims=True)):
+                break
+        else:
+            raise CalfsocketError("the radial problem has no solution near the unloaded state")
+        self._x = x
+
+    def at_end(self, name: str) -> tuple[float, float]:
+        """Radial displacement (mm) and P_r (MPa) at a ring's outer radius."""
+        u, nominal = self._x[self._index(name), :, -1]
+        return float(u), float(nominal)
+
+    def profile(self, name: str, radius: FloatArray) -> Profile:
+        """Return the solution in one ring."""
+        ring, (u, nominal) = self.rings[self._index(name)], self._x[self._index(name)]
+        at = self._radii(ring)
+        u = BarycentricInterpolator(at, u)(radius)
+        nominal = BarycentricInterpolator(at, nominal)(radius)
+        hoop = 1.0 + np.asarray(u, dtype=np.longdouble) / radius
+        law = self.laws[name]
+        radial = law.radial_stretch(nominal, hoop)
+        return Profile(
+            radius,
+            radius + u,
+            np.array([radial, hoop], dtype=float),
+            law.cauchy(nominal, radial, hoop),
+        )
+
+    def energy(self) -> float:
+        """Return the stored energy per radian, N mm per mm, by Gauss quadrature."""
+        at, weight = np.polynomial.legendre.leggauss(len(self._nodes))
+        total = 0.0
+        for ring in self.rings:
+            half = 0.5 * (ring.outer - ring.inner)
+            radius = ring.inner + half * (1.0 + at)
+            density = self.laws[ring.name].energy(*self.profile(ring.name, radius).stretch)
+            total += float(np.sum(half * weight * density * radius))
+        return total
+
+    def _index(self, name: str) -> int:
+        return [ring.name for ring in self.rings].index(name)
+
+    def _radii(self, ring: Ring) -> FloatArray:
+        return ring.inner + 0.5 * (ring.outer - ring.inner) * (1.0 + self._nodes)
+
+    def _system(
+        self, x: FloatArray, outside: tuple[float, float, float], jump: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual and its derivative by all unknowns."""
+        n = len(self._nodes)
+        residual = np.zeros(x.shape)
+        tangent = np.zeros((*x.shape, *x.shape))
+        inner = np.arange(1, n)
+        for k, ring in enumerate(self.rings):
+            R, (u, nominal) = self._radii(ring), x[k]
+            D = 2.0 / (ring.outer - ring.inner) * self._D
+            hoop = 1.0 + np.asarray(u, dtype=np.longdouble) / R
+            radial, P_t, slope = self.laws[ring.name].slopes(nominal, hoop)
+            slope = slope.astype(float)
+            residual[k, 0, 1:] = (D @ u - np.asarray(radial - 1.0, dtype=float))[1:]
+            residual[k, 1, 1:] = (D @ nominal - np.asarray((P_t - nominal) / R, dtype=float))[1:]
+            tangent[k, 0, 1:, k, 0] = D[1:]
+            tangent[k, 1, 1:, k, 1] = D[1:]
+            tangent[k, 0, inner, k, 0, inner] -= (slope[0, 1] / R)[1:]
+            tangent[k, 0, inner, k, 1, inner] -= slope[0, 0][1:]
+            tangent[k, 1, inner, k, 0, inner] -= (slope[1, 1] / R**2)[1:]
+            tangent[k, 1, inner, k, 1, inner] -= ((slope[1, 0] - 1.0) / R)[1:]
+            # At the inner radius: held, or the neighbour's displacement and force per angle.
+            tangent[k, 0, 0, k, 0, 0] = 1.0
+            if k == 0:
+                residual[k, 0, 0] = u[0]
+                residual[k, 1, 0] = outside[0] * x[-1, 0, -1] + outside[1] * x[-1, 1, -1]
+                residual[k, 1, 0] -= outside[2]
+                tangent[k, 1, 0, -1, :, -1] = outside[:2]
+                continue
+            before = self.rings[k - 1]
+            overlaps = before.outer > ring.inner
+            residual[k, 0, 0] = u[0] - x[k - 1, 0, -1] - (jump if overlaps else 0.0)
+            residual[k, 1, 0] = ring.inner * nominal[0] - before.outer * x[k - 1, 1, -1]
+            tangent[k, 0, 0, k - 1, 0, -1] = -1.0
+            tangent[k, 1, 0, k, 1, 0] = ring.inner
+            tangent[k, 1, 0, k - 1, 1, -1] = -before.outer
+        return residual.ravel(), tangent.reshape(x.size, x.size)
+
+
+def _differentiation(nodes: FloatArray) -> FloatArray:
+    """Matrix of the derivative of a polynomial by its values at the nodes."""
+    difference = nodes[:, None] - nodes[None, :]
+    np.fill_diagonal(difference, 1.0)
+    weight = 1.0 / difference.prod(axis=1)
+    D = weight[None, :] / weight[:, None] / difference
+    np.fill_diagonal(D, 0.0)
+    np.fill_diagonal(D, -D.sum(axis=1))
+    return np.asarray(D)
+
+
+@dataclass(frozen=True)
+class ExactRing:
+    """Exact state of limb and socket.
+
+    Attributes
+    ----------
+    pressure : float
+        Contact pressure per undeformed area of the skin, MPa, as the program's contact has it.
+    skin_radius : float
+        Deformed radius of the skin, mm.
+    solution : RadialSolution
+        All fields; the socket is a ring with the name of its tissue.
+    """
+
+    pressure: float
+    skin_radius: float
+    solution: RadialSolution
+
+
+def exact_ring(
+    laws: Mapping[str, Law],
+    overclosure: float,
+    load: float = 1.0,
+    rings: Sequence[Ring] = LIMB,
+    nodes: int = NODES,
+) -> ExactRing:
+    """Solve the radial problem of limb and socket.
+
+    Parameters
+    ----------
+    laws : mapping of tissue to law
+        A material set.
+    overclosure : float
+        Skin radius minus the socket's inner radius, undeformed, mm.
+    load : float
+        Share of the overclosure that is released, 0 to 1.
+    rings : sequence of Ring
+        The limb.
+    nodes : int
+        Nodes of a ring.
+    """
+    skin = rings[-1]
+    inner = skin.outer - overclosure
+    socket = Ring(SOCKET, SOCKET, inner, inner + SOCKET_THICKNESS)
+    # Deformed radii: inner + u_socket = skin + u_skin - (1 - load) overclosure.
+    solution = RadialSolution(
+        [*rings, socket], laws, outside=(0.0, 1.0, 0.0), jump=load * overclosure, nodes=nodes
+    )
+    moved, nominal = solution.at_end(skin.name)
+    return ExactRing(-nominal, skin.outer + moved, solution)
+
+
+def work_error(laws: Mapping[str, Law], squeeze: float, points: int = 8) -> float:
+    """Relative difference between the work of a pressure on the limb and the energy it stores.
+
+    The exact solution against itself, for the work is made of stresses and the energy of energies:
+    int R_s P_r(r_s) dr_s = W, over skin radii r_s from the undeformed R_s to `squeeze` mm less, by
+    Gauss-Legendre quadrature with so many points.
+    """
+    skin = LIMB[-1]
+
+    def squeezed(move: float) -> RadialSolution:
+        return RadialSolution(LIMB, laws, outside=(1.0, 0.0, move))
+
+    at, weight = np.polynomial.legendre.leggauss(points)
+    moves = -0.5 * squeeze * (1.0 + at)
+    forces = [skin.outer * squeezed(move).at_end(skin.name)[1] for move in moves]
+    work = -0.5 * squeeze * float(weight @ np.array(forces))
+    return work / squeezed(-squeeze).energy() - 1.0
