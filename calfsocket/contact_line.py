@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-STATUSES = ("open", "stick", "slip")
+from calfsocket.contact.friction import STATUS_NAMES
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class ContactLine:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}, not {(n,)}")
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} has values that are not finite")
-        if self.status.shape != (n,) or not np.isin(self.status, STATUSES).all():
-            raise ValueError(f"status must hold {n} of {', '.join(STATUSES)}")
+        if self.status.shape != (n,) or not np.isin(self.status, STATUS_NAMES).all():
+            raise ValueError(f"status must hold {n} of {', '.join(STATUS_NAMES)}")
         if np.any(np.diff(self.arc_mm) <= 0):
             raise ValueError("arc_mm does not increase: sort the points by arc length")
         if self.weight_mm.min() <= 0:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calfsocket.contact.friction import STATUS_NAMES
 from calfsocket.contact.interface import GAUSS_POINTS as POINTS_PER_EDGE
 from calfsocket.contact.interface import edge_parameters
-from calfsocket.contact.projection import EdgeChain, order_chain
+from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.contact_line import ContactLine
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
@@ -100,7 +100,7 @@ def contact_line(model: Model) -> ContactLine | None:
         np.concatenate(part) for part in zip(*gathered, strict=True)
     )
     order, flipped = order_chain(nodes)
-    chain = EdgeChain.from_edges(_turned(nodes[order], flipped))
+    chain = EdgeChain.from_edges(along_chain(nodes, order, flipped))
     xi = np.where(flipped[:, None], -edge_parameters(), edge_parameters())
     arc = chain.arc(np.repeat(np.arange(len(order)), POINTS_PER_EDGE), xi.ravel())
     along = np.argsort(arc)
@@ -117,12 +117,6 @@ def contact_line(model: Model) -> ContactLine | None:
         status=np.array(STATUS_NAMES)[status[pick]],
         circumference_mm=chain.circumference,
     )
-
-
-def _turned(edges: NDArray[Any], flipped: NDArray[np.bool_]) -> NDArray[Any]:
-    """Swap the two vertices of flipped edges, (n, 3, 2)."""
-    node_order = np.where(flipped[:, None], [1, 0, 2], [0, 1, 2])
-    return np.take_along_axis(edges, node_order[:, :, None], axis=1)
 
 
 def _at_gauss_points(model: Model, n_cells: int) -> tuple[NDArray[np.float64], ...]:

@@ -118,9 +118,8 @@ class Solver:
         """Count the negative modes of the equilibrium at the present `x` (collective).
 
         The number of negative eigenvalues of (A + A^T)/2, A the tissues' tangent with contact as a
-        constraint, by Sylvester's law from MUMPS's LDL^T
-        factorisation, minus one for each pressure unknown, which a saddle point owns anyway. Zero
-        means a stable equilibrium.
+        constraint, by Sylvester's law from MUMPS's LDL^T factorisation, minus one for each pressure
+        unknown, which a saddle point owns anyway. Zero means a stable equilibrium.
         """
         self._problem.stability_tangent(self.x, self._A)
         symmetric = self._A.copy()

@@ -3,7 +3,6 @@
 import hashlib
 import importlib.metadata
 import json
-import logging
 import platform
 import time
 from collections.abc import Sequence
@@ -29,12 +28,9 @@ from calfsocket.meshes.data import Limb, Sockets
 from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
 from calfsocket.stepping import LoadStep
-from calfsocket.tissues import MaterialSet
-
-logger = logging.getLogger(__name__)
+from calfsocket.tissues import MATERIAL_SETS
 
 KEY = ("socket", "material_set")
-MATERIAL_SETS: tuple[MaterialSet, ...] = ("separate", "combined")
 RUN_FILE = "run.json"
 TABLES = ("summary.csv", "contact.csv", "steps.csv")
 

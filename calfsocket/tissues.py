@@ -13,6 +13,7 @@ from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh
 
 MaterialSet = Literal["separate", "combined"]
+MATERIAL_SETS: tuple[MaterialSet, ...] = get_args(MaterialSet)
 FasciaC10 = Literal["printed", "tables"]
 
 # Inside, stresses are MPa = N/mm^2.
@@ -59,7 +60,7 @@ def material_set(
     dict of str to law
         Tissues skin, fat, muscle, fascia, vessel, bone, socket.
     """
-    _choice("material set", name, get_args(MaterialSet))
+    _choice("material set", name, MATERIAL_SETS)
     _choice("fascia_c10", fascia_c10, get_args(FasciaC10))
     _choice("ogden_form", ogden_form, get_args(OgdenForm))
     fascia = replace(FASCIA, c10=FASCIA_C10[fascia_c10])

@@ -8,7 +8,7 @@ import pytest
 from calfsocket.contact import nitsche
 from calfsocket.contact.friction import OPEN, SLIP, STICK, coulomb
 from calfsocket.contact.nitsche import ContactParameters, SkinPoints
-from calfsocket.contact.projection import EdgeChain, order_chain, shape_functions
+from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
 
 
 def circle_edges(n: int, radius: float) -> np.ndarray:
@@ -27,8 +27,7 @@ def test_chain_from_loose_edges_is_closed_and_counter_clockwise(flipped_share):
     flip = rng.random(40) < flipped_share
     shuffled[flip] = shuffled[flip][:, [1, 0, 2]]
     order, flipped = order_chain(shuffled)
-    node_order = np.where(flipped[:, None], [1, 0, 2], [0, 1, 2])
-    chain = np.take_along_axis(shuffled[order], node_order[:, :, None], axis=1)
+    chain = along_chain(shuffled, order, flipped)
     np.testing.assert_allclose(chain[:, 1], np.roll(chain[:, 0], -1, axis=0), atol=1e-12)
     middle = chain[:, 2]
     ahead = np.roll(middle, -1, axis=0)

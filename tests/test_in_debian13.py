@@ -86,6 +86,8 @@ class Machine:
             arguments,
             cwd=cwd or self.checkout,
             env=environment | variables,
+            # A shell that runs pytest in the background has it ignore this one.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -1,6 +1,7 @@
 """Closest point of a deformed, closed chain of quadratic edges: where skin meets socket."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,6 +200,14 @@ def order_chain(edges: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
         chain = np.roll(chain[::-1], 1)
         flip = np.roll(~flip[::-1], 1)
     return chain, flip
+
+
+def along_chain(
+    edge_values: NDArray[Any], order: IntArray, flipped: NDArray[np.bool_]
+) -> NDArray[Any]:
+    """Sort (n_edges, 3, 2) values at the nodes of loose edges along the chain of `order_chain`."""
+    node_order = np.where(flipped[:, None], [1, 0, 2], [0, 1, 2])
+    return np.take_along_axis(edge_values[order], node_order[:, :, None], axis=1)
 
 
 def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -62,8 +62,11 @@ def _row(check: Check) -> str:
 
 def _figure(figure: Figure, folder: Path) -> str:
     path = folder / "verification" / f"{figure.name}.png"
-    drawing, axes = plt.subplots(figsize=(6.5, 4.0), layout="constrained")
+    drawing, axes = plt.subplots(figsize=(8.0, 4.0), layout="constrained")
     figure.draw(axes)
+    if legend := axes.get_legend():  # beside the axes, where it covers no curve
+        legend.set_loc("center left")
+        legend.set_bbox_to_anchor((1.0, 0.5))
     with writers.replacing(path) as temporary:
         drawing.savefig(temporary, dpi=150)
     plt.close(drawing)
