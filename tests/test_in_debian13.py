@@ -242,7 +242,7 @@ def test_root_installs_what_is_missing(without_gmsh: Machine) -> None:
     done = without_gmsh.run("echo", "result")
     assert without_gmsh.called("apt-get") == [
         "apt-get update",
-        "apt-get install --yes --no-install-recommends python3-gmsh",
+        "apt-get -o DPkg::Lock::Timeout=300 install --yes --no-install-recommends python3-gmsh",
     ]
     assert done.stdout == "result\n"  # apt-get's own output is kept out of it
 
