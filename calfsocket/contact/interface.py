@@ -228,6 +228,20 @@ class ContactInterface:
         stress = self._evaluate(self._stress).reshape(-1, 2, 2)
         return np.einsum("ncd,nd->nc", stress, self._normal)
 
+    def nominal_traction_variation(self) -> FloatArray:
+        """Return its derivative by the k unknowns of each point's cell; (n, 2, k)."""
+        n, _, k = self.points.shape.shape
+        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, k)
+        return np.einsum("ncdk,nd->nck", d_stress, self._normal)
+
+    def closing(self) -> FloatArray:
+        """Part of each point's gap that is taken off, in mm, <= 0; (n,)."""
+        return (1.0 - self.load) * self._initial_overclosure
+
+    def slip(self, arc: FloatArray) -> FloatArray:
+        """Slip at a point's `arc` that its friction resists, in mm; (n,)."""
+        return self.chain.slip(arc, self._converged_arc)
+
     def state(self, nominal_traction: FloatArray | None = None) -> ContactState:
         """Contact at the present unknowns and load (collective)."""
         if nominal_traction is None:
@@ -238,8 +252,8 @@ class ContactInterface:
             position,
             nominal_traction,
             projection,
-            (1.0 - self.load) * self._initial_overclosure,
-            self.chain.slip(projection.arc, self._converged_arc),
+            self.closing(),
+            self.slip(projection.arc),
             self.parameters,
         )
 
@@ -251,9 +265,10 @@ class ContactInterface:
         return float(self._comm.allreduce(mine, op=MPI.MAX))
 
     def accept(self) -> None:
-        """Make the present positions the ones from which slip counts (collective)."""
+        """Take the slip so far as done; tractions stay what they are (collective)."""
+        state = self.state()
         self._earlier_arc = self._converged_arc
-        self._converged_arc = self.state().projection.arc
+        self._converged_arc = state.projection.arc - nitsche.settled_slip(state, self.parameters)
 
     def revert(self) -> None:
         """Take the last `accept` back."""
@@ -276,9 +291,7 @@ class ContactInterface:
         """Add the contact tangent to a matrix that is being assembled (collective)."""
         nominal = self.nominal_traction()
         state = self.state(nominal)
-        n = len(nominal)
-        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, self.points.shape.shape[2])
-        d_nominal = np.einsum("ncdk,nd->nck", d_stress, self._normal)
+        d_nominal = self.nominal_traction_variation()
         self._insert(
             A,
             state,
