@@ -94,13 +94,15 @@ def push(line: Line, turns: list[float], step: float) -> Push:
     unit = line.fric_coeff * line.approach()
     contact = drive.model.contact
     way, work, states, least = [0.0], [0.0], [read(line, drive)], 0.0
+    state = contact.state()
     scale = line.fric_coeff * states[0].peak * step * unit
     for start, end in zip([0.0, *turns[:-1]], turns, strict=True):
         for target in np.linspace(start, end, math.ceil(abs(end - start) / step - 1e-9) + 1)[1:]:
             drive.step([LIMB], shift=(target * unit - way[-1], 0.0))
             states.append(read(line, drive))
-            state = contact.state()
-            points = -state.traction.shear * state.slip
+            before, state = state, contact.state()
+            slid = contact.chain.slip(state.projection.arc, before.projection.arc)
+            points = -state.traction.shear * slid
             least = min(least, float(points.min()) / scale)
             work.append(float(contact.points.weight @ points))
             way.append(target * unit)
