@@ -8,8 +8,6 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STATUS_NAMES
-from calfsocket.contact.interface import GAUSS_POINTS as POINTS_PER_EDGE
-from calfsocket.contact.interface import edge_parameters
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.contact_line import ContactLine
 from calfsocket.forms import mixed
@@ -101,10 +99,12 @@ def contact_line(model: Model) -> ContactLine | None:
     )
     order, flipped = order_chain(nodes)
     chain = EdgeChain.from_edges(along_chain(nodes, order, flipped))
-    xi = np.where(flipped[:, None], -edge_parameters(), edge_parameters())
-    arc = chain.arc(np.repeat(np.arange(len(order)), POINTS_PER_EDGE), xi.ravel())
+    on_edge = contact.edge_parameters
+    n_points = len(on_edge)
+    xi = np.where(flipped[:, None], -on_edge, on_edge)
+    arc = chain.arc(np.repeat(np.arange(len(order)), n_points), xi.ravel())
     along = np.argsort(arc)
-    pick = (POINTS_PER_EDGE * order[:, None] + np.arange(POINTS_PER_EDGE)).ravel()[along]
+    pick = (n_points * order[:, None] + np.arange(n_points)).ravel()[along]
     return ContactLine(
         arc_mm=arc[along],
         angle_deg=np.degrees(np.arctan2(reference[pick, 1], reference[pick, 0])) % 360.0,

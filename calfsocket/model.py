@@ -55,6 +55,8 @@ class Model:
         Friction and Nitsche stiffness.
     socket_support : {"floating", "outer-fixed"}
         Whether the socket rests on the limb alone, or is held at its outer face.
+    interface : type of ContactInterface
+        How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
 
     Attributes
     ----------
@@ -72,6 +74,7 @@ class Model:
         region_laws: Mapping[str, Law],
         contact: ContactParameters | None = None,
         socket_support: SocketSupport = "floating",
+        interface: type[ContactInterface] = ContactInterface,
     ) -> None:
         contact = contact or ContactParameters()
         self.section = section
@@ -101,7 +104,7 @@ class Model:
         if socket_support == "outer-fixed":
             held.append(tags.SOCKET_OUTER)
         self._fix(held)
-        self.contact = ContactInterface(
+        self.contact = interface(
             self.w,
             self._skin_law(),
             self.fields,

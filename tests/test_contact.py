@@ -7,7 +7,7 @@ import pytest
 
 from calfsocket.contact import nitsche
 from calfsocket.contact.friction import OPEN, SLIP, STICK, coulomb
-from calfsocket.contact.nitsche import ContactParameters, SkinPoints
+from calfsocket.contact.nitsche import ContactParameters, ContactState, SkinPoints
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
 
 
@@ -181,3 +181,19 @@ def test_traction_on_the_socket_balances_that_on_the_skin():
     np.testing.assert_allclose(skin, -socket.sum(axis=1), atol=1e-14)
     values = shape_functions(state.projection.xi)[0]
     np.testing.assert_allclose(values.sum(axis=1), 1.0, atol=1e-14)
+
+
+def test_settled_slip_gives_the_shear_back():
+    """Open, stick and slip both ways; T.e by hand, gamma_t 0.5, limit 0.4 * 2."""
+    parameters = ContactParameters(fric_coeff=0.4, gamma_t=0.5)
+    pressure, own = np.array([-1.0, 2.0, 2.0, 2.0]), np.array([0.3, 0.3, 0.6, -0.6])
+    slip = np.array([0.7, 0.2, -1.0, 1.0])
+    trial = own - 0.5 * slip
+    traction = coulomb(pressure, trial, 0.4)
+    none = np.zeros(4)
+    state = ContactState(None, none, none, slip, trial, traction)
+    settled = nitsche.settled_slip(state, parameters)
+    np.testing.assert_allclose(settled, [0.0, 0.2, -0.4, 0.4])
+    again = coulomb(pressure, own - 0.5 * settled, 0.4)
+    np.testing.assert_allclose(again.shear, [0.0, 0.2, 0.8, -0.8])
+    np.testing.assert_allclose(again.shear, traction.shear)

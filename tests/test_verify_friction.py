@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from calfsocket.meshes import tags
 from calfsocket.verification.friction import CYCLE, TurnedRing, rigid_turn, turn
 
 RING = TurnedRing(h=2.8)
@@ -69,3 +71,15 @@ def test_a_rigid_turn_of_both_bodies_changes_nothing(angle):
     assert change.slip < 1e-12
     assert change.traction < 1e-6
     assert change.residual < 1e-6
+
+
+@pytest.mark.parametrize("share", [0.5, 1.5])
+def test_a_step_that_is_accepted_stays_an_equilibrium(share):
+    """Stuck and sliding: neither creeps, however many steps follow."""
+    ring = replace(RING, h=4.0)
+    drive = ring.drive(MPI.COMM_SELF)
+    drive.step([tags.SOCKET], angle=share * ring.slip_turn)
+    torque = drive.model.reaction(tags.SOCKET_OUTER)[1]
+    for _ in range(3):
+        assert drive.step([tags.SOCKET]).iterations == 0
+    assert drive.model.reaction(tags.SOCKET_OUTER)[1] == pytest.approx(torque, rel=1e-8)

@@ -18,23 +18,11 @@ from calfsocket.forms.kinematics import deformation_gradient
 
 FloatArray = NDArray[np.float64]
 
-GAUSS_POINTS = 4
-"""Quadrature points on a skin edge.
-
-They do not see kinks of the socket's shape functions inside the edge: below 1 mm elements that is
-what is left of the error of contact pressure, 2e-7 on the exact ring.
-"""
-
 PATTERN_REACH = 1.5
 """Slip in mm for which the matrix pattern is laid out ahead."""
 
 CONSTRAINT_STIFFNESS = 10.0
 """Stiffness of contact in MPa/mm for counting negative modes; 0.1 to 1000 give the same count."""
-
-
-def edge_parameters() -> FloatArray:
-    """Gauss points of a skin edge in its own parameter, -1 to 1; (GAUSS_POINTS,)."""
-    return np.polynomial.legendre.leggauss(GAUSS_POINTS)[0]
 
 
 # Vertices and mid-side node of each edge of the reference triangle, and its direction.
@@ -125,6 +113,8 @@ class ContactInterface:
     ----------
     load : float
         Share of the overclosure that is released, 0 to 1.
+    edge_parameters : (parameters.gauss_points,)
+        Quadrature points of a skin edge in its own parameter, -1 to 1.
     """
 
     def __init__(
@@ -142,6 +132,9 @@ class ContactInterface:
         domain = V.mesh
         self.load = 0.0
         self.parameters = parameters
+        self.edge_parameters, self._edge_weights = np.polynomial.legendre.leggauss(
+            parameters.gauss_points
+        )
         self.skin = Face.of(V, facet_tags, skin_tag)
         self._comm = domain.comm
         self._w = w
@@ -149,7 +142,7 @@ class ContactInterface:
         self._entities = self.skin.entities.ravel()
         self._set_up_socket(Face.of(V, facet_tags, socket_tag), constrained)
 
-        on_edge = 0.5 * (edge_parameters() + 1)[:, None]
+        on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         u, p_dof = ufl.split(w)
         du, dp_dof = ufl.TrialFunctions(V)
         F, p, dp = (deformation_gradient(u), *(mixed.pressure(q, fields) for q in (p_dof, dp_dof)))
@@ -161,7 +154,7 @@ class ContactInterface:
         cell_dofs = V.dofmap.list[self.skin.entities[:, 0]]
         rows = _global(V.dofmap.index_map, cell_dofs)
         rows[constrained[cell_dofs]] = -1
-        self._skin_rows = np.repeat(rows, GAUSS_POINTS, axis=0)
+        self._skin_rows = np.repeat(rows, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
         start = self.chain.project(position, self._socket_displacement())
@@ -194,6 +187,7 @@ class ContactInterface:
     def _skin_points(self, on_edge: FloatArray) -> tuple[SkinPoints, FloatArray]:
         """Quadrature points of this rank's skin and their outward normals (n, 2)."""
         domain, entities = self._mesh, self.skin.entities
+        n_points = self.parameters.gauss_points
 
         def at_points(expression: Any) -> FloatArray:
             return self._evaluate(fem.Expression(expression, on_edge, comm=self._comm))
@@ -201,13 +195,12 @@ class ContactInterface:
         reference = at_points(ufl.SpatialCoordinate(domain)).reshape(-1, 2)
         jacobian = at_points(ufl.Jacobian(domain)).reshape(-1, 2, 2)
         shape = at_points(ufl.TestFunctions(self._w.function_space)[0])
-        direction = np.repeat(_EDGE_DIRECTION[entities[:, 1]], GAUSS_POINTS, axis=0)
+        direction = np.repeat(_EDGE_DIRECTION[entities[:, 1]], n_points, axis=0)
         along = np.einsum("ncd,nd->nc", jacobian, direction)
         length = np.linalg.norm(along, axis=1)
-        weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)[1]
         points = SkinPoints(
             reference=reference,
-            weight=np.tile(0.5 * weights, len(entities)) * length,
+            weight=np.tile(0.5 * self._edge_weights, len(entities)) * length,
             shape=shape.reshape(-1, 2, self._w.function_space.element.space_dimension),
         )
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
@@ -215,12 +208,12 @@ class ContactInterface:
         # to the edge (of the same local number) is inside.
         opposite = domain.geometry.dofmap[entities[:, 0], entities[:, 1]]
         inside = np.asarray(domain.geometry.x[opposite, :2]).reshape(-1, 2)
-        inward = np.sum(normal * (np.repeat(inside, GAUSS_POINTS, axis=0) - reference), axis=1) > 0
+        inward = np.sum(normal * (np.repeat(inside, n_points, axis=0) - reference), axis=1) > 0
         return points, np.where(inward[:, None], -normal, normal)
 
     def deformed_points(self) -> FloatArray:
         """Deformed skin points of this rank, in mm; (n, 2)."""
-        values = shape_functions(edge_parameters())[0]
+        values = shape_functions(self.edge_parameters)[0]
         moved = np.einsum("qa,mac->mqc", values, self._w.x.array[self.skin.dofs])
         return self.points.reference + moved.reshape(-1, 2)
 
@@ -235,6 +228,20 @@ class ContactInterface:
         stress = self._evaluate(self._stress).reshape(-1, 2, 2)
         return np.einsum("ncd,nd->nc", stress, self._normal)
 
+    def nominal_traction_variation(self) -> FloatArray:
+        """Return its derivative by the k unknowns of each point's cell; (n, 2, k)."""
+        n, _, k = self.points.shape.shape
+        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, k)
+        return np.einsum("ncdk,nd->nck", d_stress, self._normal)
+
+    def closing(self) -> FloatArray:
+        """Part of each point's gap that is taken off, in mm, <= 0; (n,)."""
+        return (1.0 - self.load) * self._initial_overclosure
+
+    def slip(self, arc: FloatArray) -> FloatArray:
+        """Slip at a point's `arc` that its friction resists, in mm; (n,)."""
+        return self.chain.slip(arc, self._converged_arc)
+
     def state(self, nominal_traction: FloatArray | None = None) -> ContactState:
         """Contact at the present unknowns and load (collective)."""
         if nominal_traction is None:
@@ -245,8 +252,8 @@ class ContactInterface:
             position,
             nominal_traction,
             projection,
-            (1.0 - self.load) * self._initial_overclosure,
-            self.chain.slip(projection.arc, self._converged_arc),
+            self.closing(),
+            self.slip(projection.arc),
             self.parameters,
         )
 
@@ -258,9 +265,10 @@ class ContactInterface:
         return float(self._comm.allreduce(mine, op=MPI.MAX))
 
     def accept(self) -> None:
-        """Make the present positions the ones from which slip counts (collective)."""
+        """Take the slip so far as done; tractions stay what they are (collective)."""
+        state = self.state()
         self._earlier_arc = self._converged_arc
-        self._converged_arc = self.state().projection.arc
+        self._converged_arc = state.projection.arc - nitsche.settled_slip(state, self.parameters)
 
     def revert(self) -> None:
         """Take the last `accept` back."""
@@ -283,9 +291,7 @@ class ContactInterface:
         """Add the contact tangent to a matrix that is being assembled (collective)."""
         nominal = self.nominal_traction()
         state = self.state(nominal)
-        n = len(nominal)
-        d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, self.points.shape.shape[2])
-        d_nominal = np.einsum("ncdk,nd->nck", d_stress, self._normal)
+        d_nominal = self.nominal_traction_variation()
         self._insert(
             A,
             state,
@@ -305,10 +311,11 @@ class ContactInterface:
 
     def add_pattern(self, A: PETSc.Mat) -> None:
         """Insert zeros wherever contact may couple within `PATTERN_REACH` of slip (collective)."""
-        edge = self.state().projection.edge.reshape(-1, GAUSS_POINTS)
+        n_points = self.parameters.gauss_points
+        edge = self.state().projection.edge.reshape(-1, n_points)
         n_edges = len(self.chain.start)
         ahead = int(np.ceil(PATTERN_REACH * n_edges / self.chain.circumference))
-        for rows, edges in zip(self._skin_rows[::GAUSS_POINTS], edge, strict=True):
+        for rows, edges in zip(self._skin_rows[::n_points], edge, strict=True):
             window = np.unique((edges[:, None] + np.arange(-ahead, ahead + 1)) % n_edges)
             columns = np.unique(self._socket_rows[window])
             zeros = np.zeros((len(rows), len(columns)))

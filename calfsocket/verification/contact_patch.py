@@ -13,8 +13,7 @@ Complementarity and the independence of gamma, Gauss points and ranks are shown 
 moved sideways in its socket, with friction, so that contact opens on one side.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,6 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.contact import interface
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.laws import Hencky
 from calfsocket.meshes import tags
@@ -35,20 +33,7 @@ FloatArray = NDArray[np.float64]
 LIMB_LAW = Hencky(e=1.0, nu=0.3)
 OVERCLOSURE = 0.02
 UNIFORM = "uniform by symmetry"
-
-
-@contextmanager
-def gauss_points(n: int) -> Iterator[None]:
-    """Let models made in the body integrate over n points a skin edge.
-
-    `contact.interface` reads its constant when a model is made and used, so both belong here.
-    """
-    usual = interface.GAUSS_POINTS
-    interface.GAUSS_POINTS = n
-    try:
-        yield
-    finally:
-        interface.GAUSS_POINTS = usual
+GAUSS_POINTS = ContactParameters().gauss_points
 
 
 @dataclass(frozen=True)
@@ -79,7 +64,7 @@ class Scatter:
     imbalance: float
 
 
-def patch(h: float, socket_modulus: float, points: int = interface.GAUSS_POINTS) -> Scatter:
+def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatter:
     """Press two rings with elements of h and 0.8 h, the socket's turned by 0.3 rad.
 
     Parameters
@@ -92,18 +77,17 @@ def patch(h: float, socket_modulus: float, points: int = interface.GAUSS_POINTS)
         Gauss points a skin edge.
     """
     rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
-    with gauss_points(points):
-        model = DrivenModel(
-            rings.mesh(MPI.COMM_SELF),
-            {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)},
-            ContactParameters(fric_coeff=0.0),
-            socket_support="outer-fixed",
-        )
-        model.contact.load = 1.0
-        drive = Drive(model)
-        drive.solve()
-        pressure = model.contact.state().traction.pressure
-        weight = model.contact.points.weight
+    model = DrivenModel(
+        rings.mesh(MPI.COMM_SELF),
+        {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)},
+        ContactParameters(fric_coeff=0.0, gauss_points=points),
+        socket_support="outer-fixed",
+    )
+    model.contact.load = 1.0
+    drive = Drive(model)
+    drive.solve()
+    pressure = model.contact.state().traction.pressure
+    weight = model.contact.points.weight
     mean = weight @ pressure / weight.sum()
     by_edge = weight.reshape(-1, points)
     of_edges = (by_edge * pressure.reshape(-1, points)).sum(axis=1) / by_edge.sum(axis=1)
@@ -163,7 +147,7 @@ def shifted(
     comm: MPI.Comm,
     h: float = 2.0,
     gamma: float = 1.0,
-    points: int = interface.GAUSS_POINTS,
+    points: int = GAUSS_POINTS,
 ) -> Shifted:
     """Press a limb, then move its core sideways by `WAY` (collective).
 
@@ -179,19 +163,18 @@ def shifted(
         Gauss points a skin edge.
     """
     rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
-    with gauss_points(points):
-        model = DrivenModel(
-            rings.mesh(comm),
-            {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=100.0, nu=0.3)},
-            ContactParameters(gamma=gamma, gamma_t=0.5 * gamma),
-            socket_support="outer-fixed",
-        )
-        model.contact.load = 1.0
-        drive = Drive(model)
-        drive.solve()
-        for _ in range(STEPS):
-            drive.step([LIMB], shift=(WAY / STEPS, 0.0))
-        return _sum_up(drive, points)
+    model = DrivenModel(
+        rings.mesh(comm),
+        {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=100.0, nu=0.3)},
+        ContactParameters(gamma=gamma, gamma_t=0.5 * gamma, gauss_points=points),
+        socket_support="outer-fixed",
+    )
+    model.contact.load = 1.0
+    drive = Drive(model)
+    drive.solve()
+    for _ in range(STEPS):
+        drive.step([LIMB], shift=(WAY / STEPS, 0.0))
+    return _sum_up(drive, points)
 
 
 def _sum_up(drive: Drive, points: int) -> Shifted:
@@ -252,7 +235,7 @@ def report() -> Section:
         axes.set(xlabel="element side of the limb, mm", ylabel="scatter of pressure / mean")
         axes.legend(fontsize="small")
 
-    last = equal[interface.GAUSS_POINTS][-1]
+    last = equal[GAUSS_POINTS][-1]
     return Section(
         title="Contact across meshes that do not match",
         text=__doc__ or "",

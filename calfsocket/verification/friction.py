@@ -239,14 +239,16 @@ def turn(ring: TurnedRing, turns: Sequence[float] = CYCLE) -> Loop:
     drive = ring.drive(MPI.COMM_SELF)
     contact = drive.model.contact
     weight = contact.points.weight
-    rows = [(0.0, 0.0, _mean(contact.state().traction.pressure, weight), 0.0, 0.0)]
+    state = contact.state()
+    rows = [(0.0, 0.0, _mean(state.traction.pressure, weight), 0.0, 0.0)]
     angle, least = 0.0, 0.0
     for target in turns:
         way = target * ring.slip_turn - angle
         drive.step([tags.SOCKET], angle=way)
         angle += way
-        state = contact.state()
-        work = -state.traction.shear * state.slip
+        before, state = state, contact.state()
+        slid = contact.chain.slip(state.projection.arc, before.projection.arc)
+        work = -state.traction.shear * slid
         unit = ring.fric_coeff * ring.pressure * ring.radius * ring.slip_turn
         least = min(least, float(work.min()) / unit)
         torque = drive.model.reaction(tags.SOCKET_OUTER)[1]
@@ -256,7 +258,7 @@ def turn(ring: TurnedRing, turns: Sequence[float] = CYCLE) -> Loop:
                 torque,
                 _mean(state.traction.pressure, weight),
                 float(weight @ work),
-                _mean(state.slip, weight),
+                _mean(slid, weight),
             )
         )
     turns_, torque_, pressure, work_, slip = np.array(rows).T

@@ -241,7 +241,7 @@ class Pressed:
     def exact_pressure(self, x: FloatArray, length: FloatArray) -> FloatArray:
         """Hertz's pressure for the measured force, mean over edges about x, MPa."""
         a = self.exact_half_width
-        return self.line.peak_of(self.force) * _root_mean(x / a, length / a)
+        return self.line.peak_of(self.force) * root_mean(x / a, length / a)
 
     def exact_shear(self, x: FloatArray, length: FloatArray) -> FloatArray:
         """Cattaneo's traction on the skin for the measured forces, mean over edges about x, MPa."""
@@ -249,14 +249,14 @@ class Pressed:
         c = ratio * a
         size = self.line.fric_coeff * self.line.peak_of(self.force)
         sign = math.copysign(1.0, -self.tangential)
-        return sign * size * (_root_mean(x / a, length / a) - ratio * _root_mean(x / c, length / c))
+        return sign * size * (root_mean(x / a, length / a) - ratio * root_mean(x / c, length / c))
 
 
 def press(line: Line) -> Pressed:
     """Press the disc in one step."""
     drive = line.drive(MPI.COMM_SELF)
     drive.step([LIMB], shift=(0.0, -line.approach()))
-    return _read(line, drive)
+    return read(line, drive)
 
 
 def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
@@ -276,10 +276,11 @@ def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
     way = share * line.fric_coeff * line.approach()
     for _ in range(steps):
         drive.step([LIMB], shift=(way / steps, 0.0))
-    return _read(line, drive)
+    return read(line, drive)
 
 
-def _read(line: Line, drive: Drive) -> Pressed:
+def read(line: Line, drive: Drive) -> Pressed:
+    """Read contact and reactions at the present equilibrium, on one rank."""
     model = drive.model
     contact = model.contact
     model.set_unknowns(drive.solver.x)
@@ -319,7 +320,7 @@ def _read(line: Line, drive: Drive) -> Pressed:
     )
 
 
-def _root_mean(x: NDArray[Any], length: NDArray[Any]) -> FloatArray:
+def root_mean(x: NDArray[Any], length: NDArray[Any]) -> FloatArray:
     """Mean of sqrt(1 - t^2), zero beyond 1, over the intervals of a length about x."""
 
     def integral(t: NDArray[Any]) -> NDArray[Any]:

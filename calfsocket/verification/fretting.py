@@ -1,0 +1,253 @@
+r"""A body pressed on a flat and pushed to and fro: the fretting loop of Mindlin and Deresiewicz.
+
+A disc lies on a flat of its own material (`hertz`), is pressed by P, and its core is pushed
+sideways. As long as Q < mu P the contact slips only at its edges, and each change of direction
+starts from stick again. After Q rose to Q1 and came back to Q, with R(c) = sqrt(1 - x^2/c^2)
+inside |x| < c and 0 outside,
+
+    q(x) = mu p0 (2 c'/a R(c') - c1/a R(c1) - R(a)),
+    c1/a = sqrt(1 - Q1/(mu P)),    c'/a = sqrt(1 - (Q1 - Q)/(2 mu P)),
+
+so that shear stays locked in at Q = 0. By Jaeger's theorem the push gives way by mu times a change
+of the normal approach, whose part that is not linear is f(P) = -P ln(P) / (pi E') in the plane:
+
+    d(Q) = C Q + g(Q),    g(Q) = mu (f(P) - f(P - Q/mu)),
+
+and the other branches are this one doubled (Masing). C depends on the bodies' shape, but a loop
+between -Q1 and Q1 encloses, for every C, the work of friction
+
+    W = 4 Q1 g(Q1) - 8 int_0^Q1 g dQ.
+
+Pushed farther, the disc slides at |Q| = mu P, both ways.
+
+Mindlin and Deresiewicz 1953, doi:10.1115/1.4010702; Jaeger 1998, doi:10.1115/1.2789018; Johnson,
+Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, section 7.4.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from calfsocket.meshes.blocks import LIMB
+from calfsocket.verification.hertz import PARTIAL_SLIP, SHARE, Line, Pressed, read, root_mean
+from calfsocket.verification.report import Check, Figure, Section
+
+FloatArray = NDArray[np.float64]
+
+MINDLIN = "Mindlin, Deresiewicz 1953"
+
+
+@dataclass(frozen=True)
+class Push:
+    """A disc pushed to and fro, step by step; arrays have one value a step, the first before any.
+
+    Attributes
+    ----------
+    line : Line
+        The problem.
+    way : (n,)
+        Where the core is, mm.
+    states : tuple of Pressed
+        Contact and reactions.
+    work : (n,)
+        Work of friction in the step, integral of -q ds, N mm per mm.
+    least_work : float
+        Smallest work of friction at a point in a step, over mu p0 times the first step's way.
+    """
+
+    line: Line
+    way: FloatArray
+    states: tuple[Pressed, ...]
+    work: FloatArray
+    least_work: float
+
+    @property
+    def force(self) -> FloatArray:
+        """P at each step, N/mm."""
+        return np.array([state.force for state in self.states])
+
+    @property
+    def tangential(self) -> FloatArray:
+        """Q at each step, N/mm."""
+        return np.array([state.tangential for state in self.states])
+
+
+def push(line: Line, turns: list[float], step: float) -> Push:
+    """Press the disc, then push its core to each of these places in turn.
+
+    Parameters
+    ----------
+    line : Line
+        With friction, and equal materials.
+    turns : list of float
+        Where the core changes its direction, in units of mu times the approach, at which about the
+        whole contact begins to slip.
+    step : float
+        Largest step, in the same units.
+    """
+    drive = line.drive(MPI.COMM_SELF)
+    drive.step([LIMB], shift=(0.0, -line.approach()))
+    unit = line.fric_coeff * line.approach()
+    contact = drive.model.contact
+    way, work, states, least = [0.0], [0.0], [read(line, drive)], 0.0
+    state = contact.state()
+    scale = line.fric_coeff * states[0].peak * step * unit
+    for start, end in zip([0.0, *turns[:-1]], turns, strict=True):
+        for target in np.linspace(start, end, math.ceil(abs(end - start) / step - 1e-9) + 1)[1:]:
+            drive.step([LIMB], shift=(target * unit - way[-1], 0.0))
+            states.append(read(line, drive))
+            before, state = state, contact.state()
+            slid = contact.chain.slip(state.projection.arc, before.projection.arc)
+            points = -state.traction.shear * slid
+            least = min(least, float(points.min()) / scale)
+            work.append(float(contact.points.weight @ points))
+            way.append(target * unit)
+    return Push(line, np.array(way), tuple(states), np.array(work), least)
+
+
+def loop_work(line: Line, force: float, largest: float) -> float:
+    """W of a loop between -`largest` and `largest` under `force`, all in N/mm."""
+    mu = line.fric_coeff
+
+    def f_integral(p: float) -> float:  # of f from 0
+        return -(0.5 * p**2 * math.log(p) - 0.25 * p**2) / (math.pi * line.modulus) if p else 0.0
+
+    def f(p: float) -> float:
+        return -p * math.log(p) / (math.pi * line.modulus) if p else 0.0
+
+    rest = force - largest / mu
+    g = mu * (f(force) - f(rest))
+    g_integral = mu * (largest * f(force) - mu * (f_integral(force) - f_integral(rest)))
+    return 4.0 * largest * g - 8.0 * g_integral
+
+
+def locked_shear(state: Pressed, largest: float) -> FloatArray:
+    """Return q on the skin after Q came from `largest` back to that of `state`, edge means, MPa."""
+    line, a = state.line, state.exact_half_width
+    limit = line.fric_coeff * state.force
+    x, length = state.x / a, state.weight / a
+
+    def root(ratio: float) -> FloatArray:
+        return ratio * root_mean(x / ratio, length / ratio)
+
+    first = math.sqrt(1.0 - largest / limit)
+    back = math.sqrt(1.0 - (largest - state.tangential) / (2.0 * limit))
+    # The floor's traction on the skin is against the push.
+    return -line.fric_coeff * line.peak_of(state.force) * (2.0 * root(back) - root(first) - root(1))
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What a loop without sliding is measured by.
+
+    Attributes
+    ----------
+    push : Push
+        From 0 to Q1, to -Q1, and to Q1 again.
+    largest : float
+        Q1 where the loop begins, N/mm.
+    work_error : float
+        Relative error of friction's work in the loop.
+    closing_error : float
+        Q at the end over Q1, less 1.
+    shear_error : float
+        Root mean square of shear minus Mindlin's, over mu p0, the largest of all steps on the way
+        from Q1 to -Q1.
+    top, locked : int
+        Step at which the loop begins, and step at which Q is next closest to 0.
+    """
+
+    push: Push
+    largest: float
+    work_error: float
+    closing_error: float
+    shear_error: float
+    top: int
+    locked: int
+
+
+def partial_loop(line: Line, share: float = SHARE, steps: int = 4) -> Loop:
+    """Push to and fro by the way that gives about Q1 = `share` mu P, in so many steps a quarter."""
+    pushed = push(line, [share, -share, share], share / steps)
+    Q = pushed.tangential
+    top, low, end = steps, 3 * steps, 5 * steps
+    force = float(pushed.force[top : end + 1].mean())
+    work = float(pushed.work[top + 1 : end + 1].sum())
+    scale = line.fric_coeff * line.peak_of(force)
+    errors = []
+    for i in range(top, low + 1):
+        state = pushed.states[i]
+        difference = state.shear - locked_shear(state, float(Q[top]))
+        errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
+    return Loop(
+        push=pushed,
+        largest=float(Q[top]),
+        work_error=work / loop_work(line, force, float(Q[top])) - 1.0,
+        closing_error=float(Q[end] / Q[top]) - 1.0,
+        shear_error=max(errors),
+        top=top,
+        locked=top + int(np.argmin(np.abs(Q[top : low + 1]))),
+    )
+
+
+def sliding(line: Line) -> Push:
+    """Push the disc over the limit, back over the other one, and forth again."""
+    return push(line, [2.0, -2.0, 2.0], 0.5)
+
+
+def report() -> Section:
+    """Measure the loops of a disc pushed to and fro, without and with sliding."""
+    partial, slid = partial_loop(PARTIAL_SLIP), sliding(PARTIAL_SLIP)
+    ratio = np.abs(slid.tangential) / (slid.line.fric_coeff * slid.force)
+    slides = ratio > 0.99
+    checks = [
+        Check("loop without sliding: work of friction", partial.work_error, 0.02, "", MINDLIN),
+        Check("loop without sliding: it closes", partial.closing_error, 1e-3, "", "Masing"),
+        Check("shear on the way back, over mu p0", partial.shear_error, 0.02, "", MINDLIN),
+        Check("sliding: |Q| over mu P, less 1", _worst(ratio[slides] - 1.0), 1e-3, "", "Coulomb"),
+        Check(
+            "work of friction, negative part",
+            min(partial.push.least_work, slid.least_work),
+            1e-3,
+            "",
+            "second law",
+        ),
+    ]
+
+    def loops(axes: Axes) -> None:
+        for pushed, mark in ((slid, "s"), (partial.push, "o")):
+            unit = pushed.line.fric_coeff * pushed.line.approach()
+            limit = pushed.line.fric_coeff * pushed.force
+            axes.plot(pushed.way / unit, pushed.tangential / limit, mark + "-", ms=4)
+        axes.axhline(1.0, c="0.6", lw=1)
+        axes.axhline(-1.0, c="0.6", lw=1)
+        axes.set(xlabel="way of the core / (mu approach)", ylabel="Q / (mu P)")
+
+    def locked(axes: Axes) -> None:
+        for i, name in ((partial.top, "Q = Q1"), (partial.locked, "back at Q = 0")):
+            state = partial.push.states[i]
+            a = state.exact_half_width
+            scale = state.line.fric_coeff * state.line.peak_of(state.force)
+            exact = locked_shear(state, partial.largest)
+            (line,) = axes.plot(state.x / a, -state.shear / scale, "o", label=f"computed, {name}")
+            axes.plot(state.x / a, -exact / scale, "-", c=line.get_color(), label=f"exact, {name}")
+        axes.set(xlabel="x / a", ylabel="q / (mu p0)", xlim=(-1.5, 1.5))
+        axes.legend()
+
+    return Section(
+        title="Friction: a body pushed to and fro",
+        text=__doc__ or "",
+        checks=checks,
+        figures=[
+            Figure("fretting_loop", loops, "Tangential force without sliding, and with it."),
+            Figure("fretting_shear", locked, "Shear traction at the turn and back at Q = 0."),
+        ],
+    )
+
+
+def _worst(values: FloatArray) -> float:
+    return float(np.abs(values).max())

@@ -1,0 +1,218 @@
+r"""Three ways to put a socket on a limb that end in the same problem of Signorini and Coulomb.
+
+A socket that is too small can be let go in more than one way, and friction remembers which:
+
+- ``closed``: the gaps are closed in proportion, the study's way (`ContactInterface`);
+- ``stiffened``: the whole overclosure is there at once, and contact stiffens (`StiffeningContact`);
+- ``shrunk``: the socket starts swollen and clear of the limb, and shrinks to its size, stress free,
+  until it would fit no limb; true contact and friction from the first touch (`ShrinkingContact`).
+
+All three run from load 0 to load 1 under the program's own `Stepper`.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+from scipy.optimize import brentq
+
+from calfsocket.contact.interface import ContactInterface
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.meshes import tags
+from calfsocket.model import Model
+
+FloatArray = NDArray[np.float64]
+
+FOUNDATION = 1e-2
+"""Contact stiffness at half the load in MPa/mm, above the limb's own."""
+
+
+class StiffeningContact(ContactInterface):
+    r"""Contact through springs that stiffen until they are rigid.
+
+    At load l the skin rests on normal springs of the stiffness e = FOUNDATION l^2/(1 - l)^2, and on
+    tangential ones of e_t = e gamma_t/gamma with Coulomb's limit:
+
+        p = e [-g]_+,    q = q0 - e_t ds, |q| <= mu p,
+
+    q0 the shear at the last converged step and ds the slip since then. In Nitsche's form, with the
+    skin's traction T and a share a = max(1 - gamma/e, 0) of it,
+
+        trial pressure = a T.n - min(gamma, e) g,
+        trial shear    = a T.e - min(gamma_t, e_t) (ds - q0/e_t),
+
+    which has the same solution, and at l = 1, where e is infinite and a = 1, is contact proper.
+    """
+
+    @property
+    def parameters(self) -> ContactParameters:
+        """Parameters with the stiffness of the present load."""
+        softened = min(1.0, self.stiffness / self._rigid.gamma)
+        return replace(
+            self._rigid,
+            gamma=softened * self._rigid.gamma,
+            gamma_t=softened * self._rigid.gamma_t,
+        )
+
+    @parameters.setter
+    def parameters(self, parameters: ContactParameters) -> None:
+        self._rigid = parameters
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness e of the normal springs, MPa/mm."""
+        if self.load == 1.0:
+            return np.inf
+        return FOUNDATION * (self.load / (1.0 - self.load)) ** 2
+
+    @property
+    def traction_share(self) -> float:
+        """Share a of the skin's own traction."""
+        return max(0.0, 1.0 - self._rigid.gamma / self.stiffness) if self.load > 0.0 else 0.0
+
+    def nominal_traction(self) -> FloatArray:
+        """Share of T = P N that the trial values hold, MPa; (n, 2)."""
+        return self.traction_share * super().nominal_traction()
+
+    def nominal_traction_variation(self) -> FloatArray:
+        """Return its derivative by the unknowns of each point's cell; (n, 2, k)."""
+        return self.traction_share * super().nominal_traction_variation()
+
+    def closing(self) -> FloatArray:
+        """Nothing is taken off the gaps."""
+        return np.zeros(len(self.points.weight))
+
+    def slip(self, arc: FloatArray) -> FloatArray:
+        """Slip since the last converged step and the springs' deflection then, mm; (n,)."""
+        return super().slip(arc) + self._deflection()
+
+    def accept(self) -> None:
+        """Take the slip so far as done, and remember the shear that springs hold (collective)."""
+        self._earlier_shear = self._shear
+        shear = self.state().traction.shear
+        super().accept()
+        self._shear = shear
+        self._converged_arc = self._converged_arc + self._deflection()
+
+    def revert(self) -> None:
+        """Take the last `accept` back."""
+        super().revert()
+        self._shear = self._earlier_shear
+
+    _shear: FloatArray | None = None
+    _earlier_shear: FloatArray | None = None
+
+    def _deflection(self) -> FloatArray | float:
+        """Tangential deflection under the remembered shear at the present stiffness, mm."""
+        if self._shear is None:
+            return 0.0
+        return -self._shear / (self.stiffness * self._rigid.gamma_t / self._rigid.gamma)
+
+
+CLEARANCE = 0.1
+"""Smallest distance of the swollen socket from the limb, mm."""
+
+GUIDE_STIFFNESS = 1e-5
+"""Bedding in N/mm^3 of a floating socket that does not touch the limb yet; none at full load."""
+
+
+class ShrinkingContact(ContactInterface):
+    """True contact with a socket whose stress-free shape is larger until the load is 1.
+
+    The socket's undeformed nodes lie at c + (1 + s (1 - load)) (X - c), c the middle of its inner
+    face and s such that it is clear of the limb by `CLEARANCE` at load 0. Its displacement counts
+    from there; arc lengths along it, and so slip, are those of its own size.
+
+    Attributes
+    ----------
+    swelling : float
+        s.
+    """
+
+    swelling = 0.0
+    _centre: FloatArray = np.zeros(2)
+
+    def swell(self, nodes: NDArray[np.int32]) -> None:
+        """Swell the socket at load 0; `nodes` are those of its body on this rank (collective)."""
+        self._centre = self.chain.reference[:, 2].mean(axis=0)
+        self._nodes = nodes
+        self._own_size = self._mesh.geometry.x[nodes, :2].copy()
+        if self._smallest_gap(0.0) < CLEARANCE:
+            self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
+        self.load = 0.0
+        self._converged_arc = self._earlier_arc = self.state().projection.arc
+
+    @property
+    def load(self) -> float:
+        """Share of the swelling that is gone, 0 to 1."""
+        return self._load
+
+    @load.setter
+    def load(self, load: float) -> None:
+        self._load = load
+        if self.swelling:
+            self._set_size(self.swelling * (1.0 - load))
+
+    def closing(self) -> FloatArray:
+        """Nothing is taken off the gaps."""
+        return np.zeros(len(self.points.weight))
+
+    def _socket_displacement(self) -> FloatArray:
+        """Displacement of the chain's nodes from their places in the socket of its own size, mm."""
+        swollen = self.swelling * (1.0 - self.load) * (self.chain.reference - self._centre)
+        return super()._socket_displacement() + swollen
+
+    def _set_size(self, swelling: float) -> None:
+        """Move this rank's socket nodes to where they lie without stress."""
+        self._mesh.geometry.x[self._nodes, :2] = self._own_size + swelling * (
+            self._own_size - self._centre
+        )
+
+    def _smallest_gap(self, swelling: float) -> float:
+        """Smallest gap to a swollen socket in mm (collective)."""
+        position = self.deformed_points()
+        at = self.chain.project(position, swelling * (self.chain.reference - self._centre))
+        gap = np.sum((position - at.point) * at.normal, axis=1)
+        return float(self._comm.allreduce(gap.min(initial=np.inf), op=MPI.MIN))
+
+
+class ShrinkingModel(Model):
+    """A `Model` with `ShrinkingContact`.
+
+    Before it touches the limb, a floating socket is guided by a soft bedding, which fades out with
+    the load and is gone at the end.
+    """
+
+    contact: ShrinkingContact
+
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, interface=ShrinkingContact, **keywords)
+        cells = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
+        self.contact.swell(np.unique(self.section.mesh.geometry.dofmap[cells]))
+        dx = ufl.Measure("dx", self.section.mesh, subdomain_data=self.section.cell_tags)
+        u, v = ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0]
+        guide = ufl.inner(u, v) * dx(self.section.regions[tags.SOCKET])
+        self._guide = fem_petsc.assemble_matrix(fem.form(guide), self._bcs, diagonal=0.0)
+        self._guide.assemble()
+
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Residual in N/mm, of the bedding too (collective)."""
+        super().residual(x, f)
+        force = self._guide.createVecLeft()
+        self._guide.mult(x, force)
+        f.axpy(GUIDE_STIFFNESS * (1.0 - self.contact.load), force)
+
+    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Exact derivative of `residual` (collective)."""
+        super().tangent(x, A)
+        A.axpy(
+            GUIDE_STIFFNESS * (1.0 - self.contact.load),
+            self._guide,
+            PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
+        )

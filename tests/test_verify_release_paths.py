@@ -1,0 +1,178 @@
+"""Three ways to put a socket on a limb: springs that stiffen, a socket that shrinks."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+from calfsocket.contact.friction import OPEN
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.meshes import tags
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import Model
+from calfsocket.stepping import StepControl, Stepper
+from calfsocket.tissues import material_set
+from calfsocket.verification.driven import Drive, DrivenModel
+from calfsocket.verification.friction import TurnedRing
+from calfsocket.verification.radial import RadialSolution, Ring, exact_ring
+from calfsocket.verification.release_paths import (
+    CLEARANCE,
+    GUIDE_STIFFNESS,
+    ShrinkingModel,
+    StiffeningContact,
+)
+
+LIMB = (
+    Ring("bone", "bone", 10.0, 14.0),
+    Ring("muscle", "muscle", 14.0, 26.0),
+    Ring("fat", "fat", 26.0, 30.0),
+    Ring("skin", "skin", 30.0, 32.0),
+)
+LAWS = material_set("separate")
+OVERCLOSURE = 0.2
+THICKNESS = 4.5
+
+
+def section(inner=LIMB[-1].outer - OVERCLOSURE, thickness=THICKNESS, h=2.0):
+    layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
+    return ring_mesh(MPI.COMM_SELF, layers, (inner, inner + thickness), h)
+
+
+def mean_pressure(model):
+    weight = model.contact.points.weight
+    return weight @ model.contact.state().traction.pressure / weight.sum()
+
+
+def stepped(model, largest=0.25, to=1.0):
+    """Load the model; mean contact pressure at each load."""
+    pressures = {}
+
+    def read(step):
+        model.set_unknowns(stepper.solver.x)
+        pressures[step.load] = mean_pressure(model)
+
+    stepper = Stepper(model, StepControl(first=largest, largest=largest), on_step=read)
+    stepper.run()
+    return stepper, pressures
+
+
+@pytest.fixture(scope="module")
+def stiffened():
+    mesh = section()
+    laws = {name: LAWS[name] for name in mesh.regions}
+    return stepped(Model(mesh, laws, ContactParameters(), interface=StiffeningContact))
+
+
+def test_springs_carry_what_the_exact_ring_gives(stiffened):
+    """p = e (overclosure left), at stiffnesses below and above gamma, and rigid in the end."""
+    _, pressures = stiffened
+    assert list(pressures) == [0.25, 0.5, 0.75, 1.0]
+    for load, pressure in pressures.items():
+        if load == 1.0:
+            exact = exact_ring(LAWS, OVERCLOSURE, rings=LIMB).pressure
+        else:
+            stiffness = 1e-2 * (load / (1.0 - load)) ** 2
+
+            def excess(share, stiffness=stiffness):
+                left = (1.0 - share) * OVERCLOSURE
+                return exact_ring(LAWS, OVERCLOSURE, share, LIMB).pressure - stiffness * left
+
+            share = brentq(excess, 1e-3, 1.0, xtol=1e-12)
+            exact = exact_ring(LAWS, OVERCLOSURE, share, LIMB).pressure
+        assert pressure == pytest.approx(exact, rel=1e-5), load
+
+
+def test_springs_carry_their_shear_over():
+    """Turned on soft springs; the shear stays as they stiffen, and the next turn is elastic."""
+    ring = TurnedRing(h=4.0)
+    inner, outer, law = ring.socket
+    layers = [layer[:3] for layer in ring.layers]
+    mesh = ring_mesh(MPI.COMM_SELF, layers, (inner - ring.overclosure, outer), ring.h)
+    laws = {name: law for name, _, _, law in ring.layers} | {tags.SOCKET: law}
+    model = DrivenModel(
+        mesh,
+        laws,
+        ContactParameters(gamma=1.0, gamma_t=0.3),
+        socket_support="outer-fixed",
+        interface=StiffeningContact,
+    )
+    drive, contact = Drive(model), model.contact
+    contact.load = 0.8
+    drive.solve()
+    stiffness = 0.3 * 1e-2 * 16.0
+    turn = 0.3 * 0.4 * mean_pressure(model) / (stiffness * ring.radius)
+    springs = 1.0 / (2.0 * np.pi * ring.radius**3 * stiffness)
+    drive.step([tags.SOCKET], angle=turn)
+    torque = model.reaction(tags.SOCKET_OUTER)[1]
+    assert torque == pytest.approx(turn / (ring.compliance + springs), rel=1e-3)
+    for load in (0.85, 0.95, 1.0):  # below gamma, above it, and rigid
+        contact.accept()
+        contact.load = load
+        drive.solve()
+        assert model.reaction(tags.SOCKET_OUTER)[1] == pytest.approx(torque, rel=2e-5)
+    drive.step([tags.SOCKET], angle=turn)
+    more = model.reaction(tags.SOCKET_OUTER)[1] - torque
+    assert more == pytest.approx(turn / ring.compliance, rel=3e-3)
+
+
+def test_springs_forget_what_is_taken_back(stiffened):
+    contact = stiffened[0].model.contact
+    contact.load = 0.9
+    position = contact.deformed_points()
+    before = contact.slip(contact.state().projection.arc)
+    contact.accept()
+    contact.revert()
+    np.testing.assert_array_equal(contact.slip(contact.state().projection.arc), before)
+    np.testing.assert_array_equal(contact.deformed_points(), position)
+
+
+def shrinking():
+    mesh = section()
+    return ShrinkingModel(mesh, {name: LAWS[name] for name in mesh.regions})
+
+
+@pytest.fixture(scope="module")
+def shrunk():
+    return stepped(shrinking())
+
+
+def test_shrinking_socket_has_the_pressure_of_one_made_at_its_size(shrunk):
+    stepper, pressures = shrunk
+    swelling = stepper.model.contact.swelling
+    touching = 0
+    for load, pressure in pressures.items():
+        size = 1.0 + swelling * (1.0 - load)
+        inner = size * (LIMB[-1].outer - OVERCLOSURE)
+        overclosure = LIMB[-1].outer - inner
+        if overclosure < 0:
+            assert pressure == 0.0
+            continue
+        touching += 1
+        socket = Ring("socket", "socket", inner, inner + size * THICKNESS)
+        solution = RadialSolution([*LIMB, socket], LAWS, (0.0, 1.0, 0.0), jump=overclosure)
+        assert pressure == pytest.approx(-solution.at_end("skin")[1], rel=2e-5), load
+    assert 2 <= touching < len(pressures)
+    np.testing.assert_allclose(
+        pressures[1.0], exact_ring(LAWS, OVERCLOSURE, 1.0, LIMB).pressure, 2e-5
+    )
+
+
+def test_swollen_socket_is_clear_of_the_limb_and_guided():
+    model = shrinking()
+    contact = model.contact
+    state = contact.state()
+    assert np.all(state.traction.status == OPEN)
+    assert state.gap.min() == pytest.approx(CLEARANCE, rel=1e-3)
+    x, f = model.create_vector(), model.create_vector()
+    model.residual(x, f)
+    assert f.norm() == 0.0
+    # Shifted by 0.01 mm it is pushed back by the bedding, until the load is full.
+    body = DrivenModel.body(model, [tags.SOCKET])
+    x.array[body.dofs] = 0.01 * body.shift * [1.0, 0.0]
+    size = 1.0 + contact.swelling
+    inner, outer = (size * (31.8 + t) for t in (0.0, THICKNESS))
+    for load in (0.0, 0.1):
+        contact.load = load
+        model.residual(x, f)
+        force = (1.0 - load) * GUIDE_STIFFNESS * 0.01 * np.pi * (outer**2 - inner**2)
+        assert f.array[body.dofs[:, 0]].sum() == pytest.approx(force, rel=1e-4), load
