@@ -1,0 +1,209 @@
+r"""How Newton's method converges: in every solve of a subject, and at a solution.
+
+With the exact tangent |F| after an iteration is C |F|^2 before it, close to the solution. Three
+things hide that in a run of a few iterations: far from the solution other terms count; below some
+1e-9 N/mm, the program's tolerance, rounding does; and a contact point that opens, closes, sticks
+or slips has another residual, with a kink in between. So what is looked at in every solve is how
+far its last iteration goes, and in its last two iterations which ones have no change of status, and
+what C is. The order itself is measured at a solution: |F| after one iteration from points closer
+and closer to it.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.model import Model
+from calfsocket.solver import DEFAULT_OPTIONS, Problem, Solver
+from calfsocket.verification.report import Check
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCE = float(DEFAULT_OPTIONS["snes_atol"])
+"""N/mm."""
+
+LAST_ITERATIONS = 2
+
+LEAST_CONTRACTION = 1e-2
+"""Of a last iteration; with C = 100 mm/N it begins below 1e-4 N/mm and mostly ends at rounding."""
+
+PROBES = (1e-2, 5e-3, 2.5e-3)
+"""|F| from which the order at a solution is measured, N/mm."""
+
+
+@dataclass
+class Solve:
+    """One Newton solve, iterate by iterate.
+
+    Attributes
+    ----------
+    norms : list of float
+        Residual norms, N/mm.
+    status : list of (n,) int
+        Contact status of the skin points; empty arrays for a problem without contact.
+    """
+
+    norms: list[float] = field(default_factory=list)
+    status: list[NDArray[np.int64]] = field(default_factory=list)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last residual is below the tolerance."""
+        return self.norms[-1] < TOLERANCE
+
+    def changes(self) -> NDArray[np.int64]:
+        """Count the contact points whose status changes in each iteration."""
+        pairs = zip(self.status[:-1], self.status[1:], strict=True)
+        return np.array([np.count_nonzero(a != b) for a, b in pairs], dtype=np.int64)
+
+
+@contextmanager
+def recording() -> Iterator[list[Solve]]:
+    """Record every Newton solve of the body, of whatever problem, on one rank."""
+    solves: list[Solve] = []
+    record = Solver._record
+
+    def note(solver: Solver, snes: PETSc.SNES, iteration: int, norm: float) -> None:
+        record(solver, snes, iteration, norm)
+        if iteration == 0:
+            solves.append(Solve())
+        problem: Any = solver._problem
+        touching = isinstance(problem, Model)
+        status = problem.contact.state().traction.status if touching else np.zeros(0, dtype=int)
+        solves[-1].norms.append(float(norm))
+        solves[-1].status.append(status)
+
+    with mock.patch.object(Solver, "_record", note):
+        yield solves
+
+
+@dataclass(frozen=True)
+class Iterations:
+    """The last two iterations of many solves.
+
+    Attributes
+    ----------
+    before, after : (n,)
+        Residual norms, N/mm.
+    changes : (n,) int
+        Contact points that change their status.
+    last : (n,) bool
+        Which are the last of their solve.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    changes: NDArray[np.int64]
+    last: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, solves: list[Solve]) -> "Iterations":
+        """Take them from converged solves; ones that begin at their solution have none."""
+        rows = []
+        for solve in solves:
+            n = len(solve.norms) - 1
+            changes = solve.changes()
+            if solve.converged:
+                rows += [
+                    (solve.norms[k], solve.norms[k + 1], changes[k], k == n - 1)
+                    for k in range(max(0, n - LAST_ITERATIONS), n)
+                ]
+        before, after, changed, last = np.array(rows, dtype=float).reshape(-1, 4).T
+        return cls(before, after, changed.astype(np.int64), last.astype(bool))
+
+    @property
+    def smooth(self) -> NDArray[np.bool_]:
+        """Which ones show Newton's method alone: no change of status, end above the tolerance."""
+        return (self.after > TOLERANCE) & (self.changes == 0)
+
+    @property
+    def factor(self) -> FloatArray:
+        """C = |F| after over |F|^2 before of the smooth ones, mm/N."""
+        return self.after[self.smooth] / self.before[self.smooth] ** 2
+
+    @property
+    def last_contraction(self) -> float:
+        """Largest |F| after over before of a last iteration."""
+        return float((self.after[self.last] / self.before[self.last]).max(initial=0.0))
+
+
+def newton_checks(solves: list[Solve]) -> list[Check]:
+    """Judge all solves of a subject; nothing where there are none."""
+    if not solves:
+        return []
+    converged = sum(solve.converged for solve in solves)
+    source = "quadratic convergence"
+    return [
+        Check("Newton: solves that converge", converged, len(solves), "", "count", "exactly"),
+        Check(
+            f"Newton, {len(solves)} solves: |F| after the last iteration over before, worst",
+            Iterations.of(solves).last_contraction,
+            LEAST_CONTRACTION,
+            "",
+            source,
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One Newton iteration each from several distances of a solution.
+
+    Attributes
+    ----------
+    before, after : (n,)
+        |F| before and after it, N/mm.
+    """
+
+    before: FloatArray
+    after: FloatArray
+
+    @property
+    def order(self) -> float:
+        """Slope of log |F| after over log |F| before; NaN where rounding rules."""
+        if self.after.min() < TOLERANCE:
+            return np.nan
+        return float(np.polyfit(np.log(self.before), np.log(self.after), 1)[0])
+
+
+def probe_at(problem: Problem, x: PETSc.Vec, direction: FloatArray) -> Probe:
+    """Take one Newton iteration from each of a few points closer and closer to a solution.
+
+    Parameters
+    ----------
+    problem
+        Residual and tangent.
+    x : Vec
+        The solution; unchanged.
+    direction : (n,)
+        Away from it, zero at held unknowns. It is scaled so that |F| starts near `PROBES`.
+    """
+    A, f, start, change = problem.create_matrix(), x.duplicate(), x.duplicate(), x.duplicate()
+    ksp = PETSc.KSP().create(x.getComm())
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    ksp.getPC().setType(PETSc.PC.Type.LU)
+    ksp.getPC().setFactorSolverType("mumps")
+
+    def norm_at(size: float) -> float:
+        start.array[:] = x.array_r + size * direction
+        problem.residual(start, f)
+        return float(f.norm())
+
+    small = 1e-6 / np.abs(direction).max()
+    per_size = norm_at(small) / small
+    before, after = [], []
+    for probe in PROBES:
+        before.append(norm_at(probe / per_size))
+        problem.tangent(start, A)
+        ksp.setOperators(A)
+        ksp.solve(f, change)
+        start.axpy(-1.0, change)
+        problem.residual(start, f)
+        after.append(float(f.norm()))
+    return Probe(np.array(before), np.array(after))
