@@ -210,34 +210,42 @@ def law_parameters(model: Model) -> dict[str, fem.Function]:
     return {parameter.name: parameter for parameter in parameters}
 
 
-def parameter_moves() -> dict[tuple[str, str], tuple[float, float, bool]]:
-    """Relative change of residual and tangent by parameter and state, and whether it should be."""
+Moves = dict[tuple[str, str], tuple[float, float, bool]]
+"""Relative change of residual and of tangent by parameter and state, and whether it should be."""
+
+
+def moves_of(name: str) -> Moves:
+    """Move each parameter of contact, and in the mixed state each of the laws, in a state."""
+    model, x = state(KINDS[name])
+    f, g = x.duplicate(), x.duplicate()
+    A, B = model.create_matrix(), model.create_matrix()
+    model.residual(x, f)
+    model.tangent(x, A)
+
+    def change() -> tuple[float, float]:
+        model.residual(x, g)
+        model.tangent(x, B)
+        g.axpy(-1.0, f)
+        B.axpy(-1.0, A, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        return g.norm() / f.norm(), B.norm() / A.norm()
+
     moves = {}
-    for name, kind in KINDS.items():
-        model, x = state(kind)
-        f, g = x.duplicate(), x.duplicate()
-        A, B = model.create_matrix(), model.create_matrix()
-        model.residual(x, f)
-        model.tangent(x, A)
-
-        def change() -> tuple[float, float]:
-            model.residual(x, g)
-            model.tangent(x, B)
-            g.axpy(-1.0, f)
-            B.axpy(-1.0, A, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-            return g.norm() / f.norm(), B.norm() / A.norm()
-
-        for parameter, counts in CONTACT_PARAMETERS.items():
-            with contact_moved(model, parameter):
-                moves[parameter, name] = (*change(), name in counts)
-        if name == "mixed":
-            for parameter, function in law_parameters(model).items():
-                with law_moved(function):
-                    moves[parameter, name] = (*change(), True)
+    for parameter, counts in CONTACT_PARAMETERS.items():
+        with contact_moved(model, parameter):
+            moves[parameter, name] = (*change(), name in counts)
+    if name == "mixed":
+        for parameter, function in law_parameters(model).items():
+            with law_moved(function):
+                moves[parameter, name] = (*change(), True)
     return moves
 
 
-def as_it_should(moves: dict[tuple[str, str], tuple[float, float, bool]]) -> int:
+def parameter_moves() -> Moves:
+    """Move the parameters in every state."""
+    return {key: move for name in KINDS for key, move in moves_of(name).items()}
+
+
+def as_it_should(moves: Moves) -> int:
     """Count the parameters and states where both move, or neither does, as they should."""
     return sum((f > 0) == (A > 0) == should for f, A, should in moves.values())
 
