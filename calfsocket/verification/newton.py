@@ -31,9 +31,9 @@ TOLERANCE = float(DEFAULT_OPTIONS["snes_atol"])
 LAST_ITERATIONS = 2
 
 LEAST_CONTRACTION = 1e-2
-"""Of a last iteration; with C = 100 mm/N it begins below 1e-4 N/mm and mostly ends at rounding."""
+"""Of a last iteration: it begins below 1e-4 N/mm where C is 100 mm/N, and mostly ends at rounding."""
 
-PROBES = (1e-2, 5e-3, 2.5e-3)
+PROBES = tuple(1e-2 * 0.5**k for k in range(7))
 """|F| from which the order at a solution is measured, N/mm."""
 
 
@@ -73,11 +73,8 @@ def recording() -> Iterator[list[Solve]]:
         record(solver, snes, iteration, norm)
         if iteration == 0:
             solves.append(Solve())
-        problem: Any = solver._problem
-        touching = isinstance(problem, Model)
-        status = problem.contact.state().traction.status if touching else np.zeros(0, dtype=int)
         solves[-1].norms.append(float(norm))
-        solves[-1].status.append(status)
+        solves[-1].status.append(_status(solver._problem))
 
     with mock.patch.object(Solver, "_record", note):
         yield solves
@@ -129,8 +126,9 @@ class Iterations:
 
     @property
     def last_contraction(self) -> float:
-        """Largest |F| after over before of a last iteration."""
-        return float((self.after[self.last] / self.before[self.last]).max(initial=0.0))
+        """Largest |F| after over before of a last iteration that rounding lets go far enough."""
+        far = self.last & (self.before > TOLERANCE / LEAST_CONTRACTION)
+        return float((self.after[far] / self.before[far]).max(initial=0.0))
 
 
 def newton_checks(solves: list[Solve]) -> list[Check]:
@@ -158,7 +156,8 @@ class Probe:
     Attributes
     ----------
     before, after : (n,)
-        |F| before and after it, N/mm.
+        |F| before and after it, N/mm; only where the contact statuses are those of the solution and
+        |F| after is above the tolerance.
     """
 
     before: FloatArray
@@ -166,8 +165,8 @@ class Probe:
 
     @property
     def order(self) -> float:
-        """Slope of log |F| after over log |F| before; NaN where rounding rules."""
-        if self.after.min() < TOLERANCE:
+        """Slope of log |F| after over log |F| before; NaN with fewer than two."""
+        if len(self.before) < 2:
             return np.nan
         return float(np.polyfit(np.log(self.before), np.log(self.after), 1)[0])
 
@@ -195,15 +194,27 @@ def probe_at(problem: Problem, x: PETSc.Vec, direction: FloatArray) -> Probe:
         problem.residual(start, f)
         return float(f.norm())
 
+    norm_at(0.0)
+    status = _status(problem)
     small = 1e-6 / np.abs(direction).max()
     per_size = norm_at(small) / small
-    before, after = [], []
+    pairs = []
     for probe in PROBES:
-        before.append(norm_at(probe / per_size))
+        before = norm_at(probe / per_size)
+        same = np.array_equal(status, _status(problem))
         problem.tangent(start, A)
         ksp.setOperators(A)
         ksp.solve(f, change)
         start.axpy(-1.0, change)
         problem.residual(start, f)
-        after.append(float(f.norm()))
-    return Probe(np.array(before), np.array(after))
+        after = float(f.norm())
+        if same and after > TOLERANCE:
+            pairs.append((before, after))
+    return Probe(*np.array(pairs).reshape(-1, 2).T)
+
+
+def _status(problem: Any) -> NDArray[np.int64]:
+    """Contact status at the last residual; nothing for a problem without contact."""
+    if not isinstance(problem, Model):
+        return np.zeros(0, dtype=np.int64)
+    return problem.contact.state().traction.status
