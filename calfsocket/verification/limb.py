@@ -13,7 +13,7 @@ import pandas as pd
 
 from calfsocket import writers
 from calfsocket.case import Settings
-from calfsocket.errors import InputError
+from calfsocket.errors import InputError, SolveError
 from calfsocket.meshes.data import load_sockets
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
 from calfsocket.meshes.sizing import mesh_size
@@ -22,6 +22,7 @@ from calfsocket.verification import limb_convergence as convergence
 from calfsocket.verification.limb_path import (
     LimbPath,
     energy_figure,
+    energy_table,
     follow,
     newton_figure,
     newton_table,
@@ -54,11 +55,12 @@ is released, must be found as energy stored in limb and socket and as friction (
 the balance). What is left falls with the square of the load step, as it does for trapezoids."""
 
 NEWTON = """\
-**Newton's method.** In the last two iterations of each step |F| after is C |F|^2 before as long as
-no contact point changes its status, with C of the size of the table's; most end in rounding. Where
-points still change between stick and slip, the residual has a kink, and an iteration gains little;
-once they have settled, one iteration goes to rounding. The order at each end state, measured from
-points closer and closer to it, is 2."""
+**Newton's method.** Of the last two iterations of each step (figure) the smooth ones, in which no
+contact point changes its status or its edge of the socket, and which end above rounding, have |F|
+after = C |F|^2 before. Where points still change, the residual has a kink and an iteration may gain
+little; once they have settled, one iteration goes to rounding. So it is not true that the last two
+iterations of every step are quadratic: the table has the loads at which contact still changes. The
+order at each end state, measured from points closer and closer to it, is 2."""
 
 
 def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
@@ -76,15 +78,19 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
     variants = {"study": folders[sizes[0]]} | variant_folders(results, sizes[0])
     elements = {size: cells(folder) for size, folder in folders.items()}
     table = convergence.long_table({s: summary(folders[s]) for s in sizes}, elements)
-    paths = limb_paths(sizes[0])
-    references = {path.case.name: path for path in reversed(paths) if path.as_the_study(STEPS[0])}
+    paths, failed = limb_paths(sizes[0])
+    references = {path.case.name: path for path in paths if path.as_the_study(STEPS[0])}
+    fields = {
+        path.name: writers.read_fields(path)
+        for path in (folders[sizes[-1]] / name for name in references)
+    }
     text = [
         __doc__ or "",
         "**Mesh.** " + (convergence.__doc__ or "").partition("\n")[2].strip(),
         _verdicts(table, elements),
         FASCIA,
         ENERGY,
-        _branches(paths, references),
+        _branches(paths, failed, references),
         NEWTON,
     ]
     return Section(
@@ -93,6 +99,9 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
         [
             *_run_checks(folders),
             *_mesh_checks(table, sizes[-1]),
+            Check(
+                "paths at full load", len(paths), len(paths) + len(failed), "", "count", "exactly"
+            ),
             *_path_checks(paths, references),
         ],
         [
@@ -103,17 +112,27 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
         [
             Table(
                 f"Largest change from {sizes[-2]} to {sizes[-1]} and uncertainty of {sizes[-1]} "
-                "over the sockets, %, with verdicts.",
+                "over the sockets, %.",
                 convergence.digest(table, sizes),
                 2,
             ),
-            Table("Numbers that do not converge.", convergence.unconverged(table, sizes), 3),
+            Table(
+                "Numbers that do not converge.", convergence.unconverged(table, sizes, fields), 3
+            ),
             Table(
                 "Effective stress of fascia at Gauss points, Separate set, kPa: root mean square "
                 "and quantiles by area.",
                 _fascia_quantiles(folders),
             ),
-            Table(f"Paths, {sizes[0]} mesh.", path_table(paths, references)),
+            Table(
+                f"Ends of paths, {sizes[0]} mesh, beside the study's (steps of {STEPS[0]:g}).",
+                path_table(paths, references),
+            ),
+            Table(
+                f"Work of the shrink fit and where it went, {sizes[0]} mesh.",
+                energy_table([path for path in paths if path.as_the_study(path.largest)]),
+                3,
+            ),
             Table(
                 f"The last two iterations of each step of the study's paths, {sizes[0]} mesh.",
                 newton_table(list(references.values())),
@@ -130,15 +149,27 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
     )
 
 
-def limb_paths(size: str) -> list[LimbPath]:
-    """Follow the six runs with each of `STEPS`, and Separate with the secant predictor, too."""
+def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
+    """Follow the six runs with each of `STEPS`, and Separate with the secant predictor, too.
+
+    Returns
+    -------
+    paths, failures
+        Paths that reach the full load, and what became of the others.
+    """
     settings = Settings(size=size)
-    paths = []
+    paths, failures = [], []
     for case in all_cases(load_sockets()):
-        paths += [follow(case, settings, largest) for largest in STEPS]
+        ways: list[tuple[float, bool | None]] = [(largest, None) for largest in STEPS]
         if case.material_set == "separate":
-            paths.append(follow(case, settings, STEPS[0], predict=True))
-    return paths
+            ways.append((STEPS[0], True))
+        for largest, predict in ways:
+            try:
+                paths.append(follow(case, settings, largest, predict))
+            except SolveError as error:
+                predictor = ", secant predictor" if predict else ""
+                failures.append(f"steps of {largest:g}{predictor}: {error}")
+    return paths, failures
 
 
 def coarsest_first(sizes: Sequence[str]) -> list[str]:
@@ -163,8 +194,10 @@ def _verdicts(table: pd.DataFrame, elements: Mapping[str, float]) -> str:
     return f"Meshes: {meshes}. Of {len(table)} numbers {found}."
 
 
-def _branches(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> str:
-    """Say which paths end elsewhere than the study's."""
+def _branches(
+    paths: Sequence[LimbPath], failed: Sequence[str], references: Mapping[str, LimbPath]
+) -> str:
+    """Say which paths end elsewhere than the study's, or fail."""
     other = []
     for path in paths:
         reference = references[path.case.name]
@@ -181,9 +214,10 @@ def _branches(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> 
         f"predictor that the study does not use there. Ends within {100 * SAME_END:g} % of mean "
         "contact pressure count as the same branch. "
     )
-    if not other:
-        return text + "All of them are."
-    return text + "Not on the study's branch: " + "; ".join(other) + "."
+    text += f"Not on the study's branch: {'; '.join(other) or 'none'}."
+    if failed:
+        text += f" Not at the full load: {'; '.join(failed)}."
+    return text
 
 
 def _run_checks(folders: Mapping[str, Path]) -> list[Check]:

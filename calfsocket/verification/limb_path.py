@@ -148,7 +148,7 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
     """Sum paths up, each beside the reference of its case."""
     rows = []
     for path in paths:
-        reference, energy = references[path.case.name], path.energy
+        reference = references[path.case.name]
         change, where = largest_change(reference, path)
         moved = np.linalg.norm(path.displacement - reference.displacement, axis=1).max()
         rows.append(
@@ -156,18 +156,42 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
                 "case": path.case.name,
                 "largest step": path.largest,
                 "predictor": "secant" if path.predict else "none",
-                "steps": len(energy.load) - 1,
+                "steps": len(path.energy.load) - 1,
                 "Newton": sum(step.newton.iterations for step in path.steps),
                 "mean pressure, kPa": path.mean_pressure,
                 "largest pressure, kPa": path.value("skin", "contact_pressure_max"),
                 "points moved by, mm": float(moved),
                 "largest change, %": 100.0 * change,
                 "of": where,
-                "work, N": float(energy.work[-1]),
-                "socket's share, %": float(100.0 * energy.socket[-1] / energy.work[-1]),
-                "friction, %": float(100.0 * energy.friction[-1] / energy.work[-1]),
-                "unaccounted, %": 100.0 * energy.error,
                 "negative modes": path.negative_modes,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def energy_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
+    """Show where the work of the shrink fit went, as shares of it."""
+    rows = []
+    for path in paths:
+        energy = path.energy
+        shares = {
+            "limb": energy.limb,
+            "socket": energy.socket,
+            "friction": energy.friction,
+            "lever": energy.lever,
+            "penetration": energy.penetration,
+        }
+        rows.append(
+            {
+                "case": path.case.name,
+                "largest step": path.largest,
+                "work, N mm per mm": float(energy.work[-1]),
+                **{
+                    f"{name}, %": float(100.0 * share[-1] / energy.work[-1])
+                    for name, share in shares.items()
+                },
+                "work less limb, socket, friction, %": 100.0 * energy.error,
+                "less lever, penetration, too, %": 100.0 * energy.full_error,
             }
         )
     return pd.DataFrame(rows)
@@ -187,11 +211,11 @@ def newton_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
             {
                 "case": path.case.name,
                 "iterations": len(last.before),
-                "with a change of status": int(np.count_nonzero(last.changes)),
+                "with a change in contact": int(np.count_nonzero(last.changes)),
                 "at loads": ", ".join(changing),
-                "without, ending above rounding": int(np.count_nonzero(last.smooth)),
-                "largest C of these, mm/N": float(last.factor.max(initial=0.0)),
-                "last iteration, worst |F| after / before": last.last_contraction,
+                "smooth": int(np.count_nonzero(last.smooth)),
+                "largest C, mm/N": float(last.factor.max(initial=0.0)),
+                "last: worst |F| after / before": last.last_contraction,
                 "order at the end": path.probe.order,
             }
         )
@@ -204,10 +228,11 @@ def newton_figure(paths: Sequence[LimbPath]) -> Figure:
 
     def draw(axes: Axes) -> None:
         changed = last.changes > 0
-        axes.loglog(last.before[~changed], last.after[~changed], "o", ms=4, label="statuses stay")
-        axes.loglog(last.before[changed], last.after[changed], "x", ms=5, label="statuses change")
+        axes.loglog(last.before[~changed], last.after[~changed], "o", ms=4, label="contact stays")
+        axes.loglog(last.before[changed], last.after[changed], "x", ms=5, label="contact changes")
         before = np.array([last.before.min(), last.before.max()])
-        axes.loglog(before, 10.0 * before**2, "k--", lw=1, label="10 |F|^2")
+        most = last.factor.max(initial=0.0)
+        axes.loglog(before, most * before**2, "k--", lw=1, label=f"{most:.2g} |F|^2")
         axes.axhline(TOLERANCE, color="0.6", lw=1, label="tolerance")
         axes.set(
             xlabel="|F| before the iteration, N/mm",

@@ -203,9 +203,14 @@ def _row(check: Check) -> str:
     verdict = "passes" if check.passes else "**fails**"
     unit = f" {check.unit}" if check.unit else ""
     return (
-        f"| {check.name} | {_number(check.measured)}{unit} "
-        f"| {_SIGN[check.rule]} {_number(check.bar)}{unit} | {verdict} | {check.source} |"
+        f"| {_escaped(check.name)} | {_number(check.measured)}{unit} "
+        f"| {_SIGN[check.rule]} {_number(check.bar)}{unit} | {verdict} | {_escaped(check.source)} |"
     )
+
+
+def _escaped(text: str) -> str:
+    """Keep bars of magnitudes from ending a cell."""
+    return text.replace("|", r"\|")
 
 
 def _number(value: float) -> str:
@@ -221,9 +226,9 @@ def _table(table: Table) -> str:
     def cell(value: Any) -> str:
         if isinstance(value, float):
             return "" if pd.isna(value) else f"{value:.{table.digits}g}"
-        return str(value)
+        return _escaped(str(value))
 
-    rows = [list(map(str, frame.columns)), align]
+    rows = [list(map(cell, frame.columns)), align]
     rows += [[cell(value) for value in row] for row in frame.itertuples(index=False)]
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([f"*{table.caption}*", "", *lines])
