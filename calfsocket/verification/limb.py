@@ -42,12 +42,12 @@ SAME_END = 1e-3
 """Relative difference of mean contact pressure up to which two paths end on the same branch."""
 
 FASCIA = """\
-What keeps the Separate set's fascia from converging is not its field: the root mean square and the
-quantiles of its stress, by area, settle (table below). It is the maximum. Fascia bends, its stress
-runs from one face to the other, and the paper's maximum is a mean over each of two elements: one
-element across the fascia holds the mean of both faces, two or more across hold one face each, so
-that finer meshes show more of the bending. The maximum of a bending layer belongs to its mesh; it
-should be compared between runs on one mesh, or replaced by a quantile."""
+What keeps the Separate set's fascia from converging is not its field so much as the maximum: the
+root mean square of its stress settles, and quantiles by area change far less (table below). Fascia
+bends, so that its stress runs from one face to the other, and the paper's maximum takes means over
+each of two elements: one element across the fascia holds the mean of both faces, two across hold
+one face each, and finer meshes show more of the bending. The maximum of a layer that bends belongs
+to its mesh; compare it between runs on one mesh, or take a quantile."""
 
 ENERGY = """\
 **Energy.** The work of the shrink fit, the integral of contact pressure over the overclosure that
