@@ -280,7 +280,7 @@ def equilibrium_probe(name: str) -> tuple[Probe, set[int]]:
         before = x.array.copy()
         drive.step([tags.SOCKET], turn * ring.slip_turn, (shift, 0.0))
     model.set_unknowns(x)
-    status = set(np.unique(model.contact.state().traction.status).tolist())
+    status = {int(number) for number in model.contact.state().traction.status}
     direction = x.array_r - before
     direction[model.held] = 0.0
     return probe_at(model, x, direction), status
