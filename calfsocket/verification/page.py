@@ -132,14 +132,14 @@ def write_page(
         Whether every check of the subjects that were run passes.
     """
     page = folder / PAGE
-    parts = Part.all_of(page.read_text(encoding="utf-8")) if page.is_file() else {}
+    passed = True
     for subject in subjects:
         start = time.perf_counter()
         module = importlib.import_module(f"calfsocket.verification.{subject}")
         with recording() as solves:
             section = module.report(**(options or {}).get(subject, {}))
         checks = [*section.checks, *newton_checks(solves)]
-        parts[subject] = Part(
+        part = Part(
             subject=subject,
             title=section.title,
             checks=len(checks),
@@ -148,13 +148,16 @@ def write_page(
             version=calfsocket.__version__,
             body=_body(section, checks, folder / FOLDER),
         )
-        # After each subject: they take minutes, and the next may fail.
+        passed = passed and part.passed == part.checks
+        # Read and written after each subject: they take minutes, the next may fail, and others may
+        # run beside this one.
+        earlier = Part.all_of(page.read_text(encoding="utf-8")) if page.is_file() else {}
+        parts = earlier | {subject: part}
         shown = [parts[name] for name in SUBJECTS if name in parts]
         with writers.replacing(page) as temporary:
-            temporary.write_text(
-                "\n".join([HEAD, _summary(shown), *map(str, shown)]), encoding="utf-8"
-            )
-    return all(parts[subject].passed == parts[subject].checks for subject in subjects)
+            text = "\n".join([HEAD, _summary(shown), *map(str, shown)])
+            temporary.write_text(text, encoding="utf-8")
+    return passed
 
 
 def _summary(parts: Sequence[Part]) -> str:
