@@ -55,6 +55,9 @@ def test_help_teaches_and_is_quick(tmp_path):
         (["mesh", "--socket", "HS"], ["--out"]),
         (["mesh", "--socket", "XX", "--out", "x.msh"], ["XX", "HS"]),
         (["picture", "nowhere"], ["nowhere"]),
+        (["verify", "--only", "element,limbs"], ["--only", "'limbs'", "exact_ring", "limb"]),
+        (["verify", "--size", "paper"], ["--size", "paper", "two"]),
+        (["verify", "--size", "coarse,tiny"], ["size", "tiny", "medium"]),
     ],
 )
 def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path):

@@ -10,7 +10,6 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from calfsocket.contact.friction import SLIP, STICK
 from calfsocket.errors import SolveError
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.model import Model
@@ -22,37 +21,6 @@ from ring_model import SOCKET, describe, ring_model, solved_ring
 @pytest.fixture(scope="module")
 def solved():
     return solved_ring(MPI.COMM_SELF)
-
-
-@pytest.mark.parametrize("turn", [0.0, 0.01])
-def test_assembled_tangent_is_the_derivative_of_the_residual(turn):
-    """Stuck, and slipping after the socket was turned by more than friction holds."""
-    model = ring_model(MPI.COMM_SELF, h=6.0)
-    model.contact.load = 0.5
-    x, A = model.create_vector(), model.create_matrix()
-    rng = np.random.default_rng(4)
-    socket = model.section.cell_tags.find(model.section.regions["socket"])
-    for component, sign in ((0, -1.0), (1, 1.0)):
-        space, dofs = model.V.sub(0).sub(component).collapse()
-        at = space.dofmap.list[socket]
-        nodes = np.zeros((space.dofmap.index_map.size_local, 3))
-        nodes[:] = space.tabulate_dof_coordinates()
-        x.array[np.array(dofs)[at]] = sign * turn * nodes[at, 1 - component]
-    x.array[:] += 1e-4 * rng.normal(size=x.getLocalSize())
-    x.array[model.held] = 0.0
-    f, plus, minus, direction = (x.duplicate() for _ in range(4))
-    model.residual(x, f)
-    status = model.contact.state().traction.status
-    assert np.all(status == (SLIP if turn else STICK))
-    model.tangent(x, A)
-    direction.array[:] = rng.normal(size=x.getLocalSize())
-    direction.array[model.held] = 0.0
-    h = 1e-7
-    model.residual(x + h * direction, plus)
-    model.residual(x - h * direction, minus)
-    difference = (plus - minus) / (2 * h)
-    error = (A * direction - difference).norm() / difference.norm()
-    assert error < 1e-6
 
 
 def test_ring_equilibrium(solved):

@@ -2,20 +2,16 @@
 
 import pytest
 
-from calfsocket.verification.element import (
+from calfsocket.verification.bending import (
     CONSTANT,
     CONTINUOUS,
     OURS,
-    RATES,
     REFERENCE,
     bending,
     bending_errors,
-    compressible,
-    convergence,
-    isochoric,
-    patch_strips,
-    patch_test,
 )
+from calfsocket.verification.manufactured import RATES, compressible, convergence, isochoric
+from calfsocket.verification.patch_test import patch_strips, patch_test
 
 
 @pytest.mark.parametrize("name", patch_strips())

@@ -1,9 +1,13 @@
-"""What a verification problem tells: checks against exact values, and figures."""
+"""What a verification problem tells: checks against exact values, tables and figures."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
+import pandas as pd
 from matplotlib.axes import Axes
+
+Rule = Literal["at most", "at least", "exactly"]
 
 
 @dataclass(frozen=True)
@@ -15,13 +19,16 @@ class Check:
     name : str
         What was measured.
     measured : float
-        The number, an error or a deficit, in `unit`.
+        The number, in `unit`.
     bar : float
-        Largest absolute value that passes, in `unit`.
+        What the number is held against, in `unit`.
     unit : str
         Unit; empty for a ratio.
     source : str
         Where the exact value comes from.
+    rule : str
+        "at most": an error, its magnitude is no larger than the bar; "at least": an order or a
+        share, no smaller than the bar; "exactly": a count, equal to the bar.
     """
 
     name: str
@@ -29,11 +36,18 @@ class Check:
     bar: float
     unit: str
     source: str
+    rule: Rule = "at most"
 
     @property
     def passes(self) -> bool:
-        """Whether the number is within its bar; one that is not finite is not."""
-        return abs(self.measured) <= self.bar
+        """Whether the number keeps its bar; one that is not finite does not."""
+        match self.rule:
+            case "at most":
+                return abs(self.measured) <= self.bar
+            case "at least":
+                return self.measured >= self.bar
+            case "exactly":
+                return self.measured == self.bar
 
 
 @dataclass(frozen=True)
@@ -56,6 +70,25 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Numbers shown on the page as they are.
+
+    Attributes
+    ----------
+    caption : str
+        What they are.
+    frame : DataFrame
+        Its columns are the heads.
+    digits : int
+        Of its numbers.
+    """
+
+    caption: str
+    frame: pd.DataFrame
+    digits: int = 4
+
+
+@dataclass(frozen=True)
 class Section:
     """A subject of the verification page.
 
@@ -67,9 +100,15 @@ class Section:
         Measured numbers.
     figures : list of Figure
         Plots.
+    tables : list of Table
+        More numbers, below the checks.
+    files : mapping of str to DataFrame
+        Tables too long for the page, by the name of their CSV file.
     """
 
     title: str
     text: str
     checks: list[Check]
     figures: list[Figure] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    files: Mapping[str, pd.DataFrame] = field(default_factory=dict)

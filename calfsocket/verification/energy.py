@@ -1,0 +1,156 @@
+r"""Energy balance of a shrink fit: its work against stored energy and friction.
+
+Along a path of equilibria w(l) of the load l, the stored energy Pi (`forms.mixed.potential`, limb
+and socket) changes by its own residual in the direction of w', which the contact residual balances.
+Held boundaries do not move, and so
+
+    Pi' = int_skin t . (x' - y'|xi) dS,     t = p n + q e,
+
+x the skin and y the point of the socket that it is projected on, both as material points, per
+undeformed skin. Now x - y = g n, and n.n' = 0, n.y,xi = 0: with the turn theta' of the normal
+(n' = -e theta') and the slip velocity s' = |y,xi| xi',
+
+    (x' - y'|xi) . n = g',     (x' - y'|xi) . e = s' - g theta'.
+
+The shrink fit reduces the gap to r = g - (1 - l) g0 with g0 = min(g(0), 0), so that g' = r' - g0:
+
+    - int int p g0 dS dl  =  Pi(1) - Pi(0)  +  int int -q s' dS dl
+        work of the fit        stored            friction
+                               + int int q g theta' dS dl  -  int int p r' dS dl.
+                                 lever                        penetration
+
+Nothing is left out: the method is consistent, T = t at a solution, and theta = 0 adds no term. The
+lever is work that two tractions of opposite sign do when the overlap g parts them and the normal
+turns; it belongs to the path of the fit, as does the overlap, and is gone at its end. The
+penetration p r' vanishes with the element size: r is zero at a contact that is resolved.
+
+All integrals over l are trapezoids over the load steps, friction and lever together from the motion
+of x against the same material point of the socket, which is what the residual works on.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem, mesh
+from numpy.typing import NDArray
+
+from calfsocket.contact.nitsche import ContactState
+from calfsocket.contact.projection import shape_functions
+from calfsocket.forms import mixed
+from calfsocket.meshes import tags
+from calfsocket.model import COMPILER_OPTIONS, Model
+from calfsocket.stepping import LoadStep
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energies of a path from its begin to each of n load steps, N mm per mm of limb length.
+
+    Attributes
+    ----------
+    load : (n,)
+        Loads, from 0.
+    work : (n,)
+        Work of the fit.
+    limb, socket : (n,)
+        Stored energies.
+    friction : (n,)
+        Dissipated by slip of the socket's undeformed arc length.
+    lever : (n,)
+        Rest of the work of friction tractions, see above.
+    penetration : (n,)
+        Work of contact pressure on the reduced gap, > 0 where it takes energy.
+    """
+
+    load: FloatArray
+    work: FloatArray
+    limb: FloatArray
+    socket: FloatArray
+    friction: FloatArray
+    lever: FloatArray
+    penetration: FloatArray
+
+    @property
+    def error(self) -> float:
+        """Work less stored energy and friction, at the end, relative to the work."""
+        stored = self.limb[-1] + self.socket[-1]
+        return float(1.0 - (stored + self.friction[-1]) / self.work[-1])
+
+    @property
+    def full_error(self) -> float:
+        """The same with lever and penetration: what the trapezoids leave."""
+        return self.error - float((self.lever[-1] + self.penetration[-1]) / self.work[-1])
+
+
+class EnergyMeter:
+    """Follows a model along its load steps, on one rank.
+
+    Parameters
+    ----------
+    model : Model
+        At load 0, undeformed.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        domain, cells = model.section.mesh, model.law_tags
+        of_socket = model.region_ids()[cells.indices] == model.section.regions[tags.SOCKET]
+        self._stored = []
+        for part in (~of_socket, of_socket):
+            laws = mesh.meshtags(domain, 2, cells.indices[part], cells.values[part])
+            potential = mixed.potential(model.w, model.fields, mixed.volume_measure(domain, laws))
+            self._stored.append(fem.form(potential, jit_options=COMPILER_OPTIONS))
+        contact = model.contact
+        state = contact.state()
+        self._closing = np.minimum(state.gap, 0.0)
+        self._weight = contact.points.weight
+        self._rows = [np.zeros(7)]
+        self._state = state
+        self._socket_u = contact._socket_displacement()
+        self._position = contact.deformed_points()
+
+    def record(self, step: LoadStep) -> None:
+        """Take a load step in; one that failed is passed over. For `Stepper`'s `on_step`."""
+        if not step.newton.converged:
+            return
+        contact = self._model.contact
+        state, weight = contact.state(), self._weight
+        position, socket_u = contact.deformed_points(), contact._socket_displacement()
+        before, last = self._state, self._rows[-1]
+        normal = 0.5 * weight * (before.traction.pressure + state.traction.pressure)
+        # The way of x - y with y the same point of the socket before and after.
+        moved = socket_u - self._socket_u
+        way = (position - self._position) - 0.5 * (_at(before, moved) + _at(state, moved))
+        shear = 0.5 * weight * (before.traction.shear + state.traction.shear)
+        tangent = before.projection.tangent + state.projection.tangent
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        along = shear @ np.sum(way * tangent, axis=1)
+        slip = contact.chain.slip(state.projection.arc, before.projection.arc)
+        friction = -shear @ slip
+        growth = np.array(
+            [
+                step.load - last[0],
+                -(step.load - last[0]) * normal @ self._closing,
+                0.0,
+                0.0,
+                friction,
+                -along - friction,
+                -normal @ (state.reduced_gap - before.reduced_gap),
+            ]
+        )
+        row = last + growth
+        row[2:4] = [float(np.real(fem.assemble_scalar(form))) for form in self._stored]
+        self._rows.append(row)
+        self._state, self._position, self._socket_u = state, position, socket_u
+
+    def balance(self) -> EnergyBalance:
+        """Return what was recorded."""
+        return EnergyBalance(*np.array(self._rows).T)
+
+
+def _at(state: ContactState, nodal: FloatArray) -> FloatArray:
+    """Interpolate values at the socket's nodes (n_edges, 3, 2) to the closest points; (n, 2)."""
+    at = state.projection
+    return np.asarray(np.einsum("na,nac->nc", shape_functions(at.xi)[0], nodal[at.edge]))

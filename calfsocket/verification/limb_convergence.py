@@ -1,0 +1,222 @@
+r"""Every number of summary.csv at several mesh sizes, with its change and its uncertainty.
+
+Changes are those of magnitudes, in % of the coarser mesh, since the larger of two directions may
+be another one from mesh to mesh. A number is called
+
+- converged when its last change is below 5 %,
+- converging when it is below 10 % and no larger than the change before,
+- not converged otherwise.
+
+The uncertainty of the finest mesh is Roache's grid convergence index, 1.25 e / (r - 1) for the
+change e, the ratio r of element sizes (the root of the ratio of element counts) and order 1: a
+maximum is held by whole elements, so that where it is sharp its error is of first order, however
+good the field is. Roache 1994, doi:10.1115/1.2910291.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from calfsocket.outcomes import effective_stress
+from calfsocket.section_fields import TISSUES, SectionFields
+from calfsocket.verification.report import Figure
+
+KEY = ["socket", "material_set", "tissue", "outcome"]
+CONVERGED, CONVERGING = 5.0, 10.0
+"""Largest last change, %."""
+
+SAFETY = 1.25
+"""Roache's factor for three meshes."""
+
+OTHER_SITE_MM = 10.0
+"""A maximum that moves farther was found at another place."""
+
+QUANTILES = (50.0, 90.0, 99.0)
+"""% of a tissue's area."""
+
+
+def long_table(summaries: Mapping[str, pd.DataFrame], cells: Mapping[str, float]) -> pd.DataFrame:
+    """Join the summaries of mesh sizes, coarsest first, and judge each number.
+
+    Parameters
+    ----------
+    summaries : mapping of size to DataFrame
+        Rows of summary.csv.
+    cells : mapping of size to number of elements
+
+    Returns
+    -------
+    DataFrame
+        One row a number: its key and unit; value, site and region by size; change in % and distance
+        of the sites in mm by size after the first; uncertainty in %, verdict and reason.
+    """
+    sizes = list(summaries)
+    table: pd.DataFrame | None = None
+    for size, summary in summaries.items():
+        part = summary.rename(
+            columns={name: f"{name}_{size}" for name in ("value", "x_mm", "y_mm", "region")}
+        )
+        table = part if table is None else table.merge(part.drop(columns="unit"), on=KEY)
+    assert table is not None
+    for coarse, fine in pairwise(sizes):
+        before, after = (table[f"value_{size}"].abs() for size in (coarse, fine))
+        table[f"change_{fine}_pct"] = 100.0 * (after / before - 1.0)
+        table[f"site_moved_{fine}_mm"] = np.hypot(
+            table[f"x_mm_{fine}"] - table[f"x_mm_{coarse}"],
+            table[f"y_mm_{fine}"] - table[f"y_mm_{coarse}"],
+        )
+    ratio = float(np.sqrt(cells[sizes[-1]] / cells[sizes[-2]]))
+    last = table[f"change_{sizes[-1]}_pct"].abs()
+    earlier = (
+        table[f"change_{sizes[-2]}_pct"].abs() if len(sizes) > 2 else pd.Series(np.inf, table.index)
+    )
+    table["uncertainty_pct"] = SAFETY * last / (ratio - 1.0)
+    table["verdict"] = np.select(
+        [last <= CONVERGED, (last <= CONVERGING) & (last <= earlier)],
+        ["converged", "converging"],
+        "not converged",
+    )
+    table["reason"] = [
+        _reason(row, sizes) if row["verdict"] == "not converged" else ""
+        for _, row in table.iterrows()
+    ]
+    return table.reset_index(drop=True)
+
+
+def _reason(row: pd.Series, sizes: Sequence[str]) -> str:
+    """Say what keeps a number from converging, as far as the numbers tell."""
+    fine, coarse = sizes[-1], sizes[-2]
+    reasons = []
+    if row["tissue"] == "fascia" and row["material_set"] == "separate":
+        reasons.append("bending across the fascia")
+    if row[f"site_moved_{fine}_mm"] > OTHER_SITE_MM:
+        turned = np.sign(row[f"value_{fine}"]) != np.sign(row[f"value_{coarse}"])
+        reasons.append("another site" + (", of the other sign" if turned else ""))
+    return "; ".join(reasons or ["a peak as narrow as the elements"])
+
+
+def digest(table: pd.DataFrame, sizes: Sequence[str]) -> pd.DataFrame:
+    """Largest last change and uncertainty over the sockets, by outcome and material set, in %."""
+    last = f"change_{sizes[-1]}_pct"
+    rows = []
+    for (tissue, outcome), group in table.groupby(["tissue", "outcome"], sort=False):
+        row: dict[str, object] = {"tissue": tissue, "outcome": outcome}
+        for name, part in group.groupby("material_set", sort=False):
+            settled = (part["verdict"] != "not converged").all()
+            uncertainty = f"{part['uncertainty_pct'].max():.2g}" if settled else "not converged"
+            row |= {
+                f"{name}: change": part[last].abs().max(),
+                f"{name}: uncertainty": uncertainty,
+            }
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def unconverged(
+    table: pd.DataFrame, sizes: Sequence[str], fields: Mapping[str, SectionFields]
+) -> pd.DataFrame:
+    """Numbers that do not converge: values, site on the finest mesh and what is near, reason.
+
+    Parameters
+    ----------
+    table, sizes
+        As of `long_table`.
+    fields : mapping of case to SectionFields
+        Of the finest mesh, by the case's name.
+    """
+    rows = []
+    for _, number in table[table["verdict"] == "not converged"].iterrows():
+        case = f"{number['socket']}_{number['material_set']}"
+        region = number[f"region_{sizes[-1]}"]
+        x, y = (number[f"{axis}_mm_{sizes[-1]}"] for axis in "xy")
+        near, distance = nearest_material(fields[case], number["material_set"], region, x, y)
+        rows.append(
+            {
+                "case": case,
+                "outcome": f"{number['tissue']} {number['outcome']}, {number['unit']}",
+                **{size: number[f"value_{size}"] for size in sizes},
+                "site": f"{region} ({x:.0f}, {y:.0f})".replace("_", " "),
+                "nearest other material": f"{near}, {distance:.1f} mm".replace("_", " "),
+                "why": number["reason"],
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def nearest_material(
+    fields: SectionFields, material_set: str, region: str, x: float, y: float
+) -> tuple[str, float]:
+    """Nearest region of another material than a region's, and its distance from a site, mm."""
+    merged = {"fascia": "muscle"} if material_set == "combined" else {}
+    materials = {
+        fields.region_names[tag]: merged.get(tissue, tissue)
+        for tag, tissue in fields.region_tissues.items()
+    }
+    distances = {}
+    for tag, name in fields.region_names.items():
+        if materials[name] != materials[region]:
+            nodes = fields.points[np.unique(fields.cells[fields.region == tag])]
+            distances[name] = float(np.hypot(*(nodes - (x, y)).T).min())
+    nearest = min(distances, key=lambda name: distances[name])
+    return nearest, distances[nearest]
+
+
+def stress_quantiles(fields: SectionFields, tissue: str) -> dict[str, float]:
+    """Root mean square and quantiles, by area, of a tissue's effective stress at Gauss points, kPa.
+
+    What a maximum by the paper's rule is not: a number of the field that the mesh plays no part in.
+    """
+    inside = fields.tissue == TISSUES.index(tissue)
+    corner = fields.points[fields.cells[inside][:, :3]]
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    weight = np.repeat(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), 3)
+    stress = effective_stress(fields.stress[inside]).ravel()
+    order = np.argsort(stress)
+    share = 100.0 * np.cumsum(weight[order]) / weight.sum()
+    return {"rms": float(np.sqrt(np.average(stress**2, weights=weight)))} | {
+        f"{q:g} %": float(stress[order][np.searchsorted(share, q)]) for q in QUANTILES
+    }
+
+
+def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]) -> Figure:
+    """Plot the distance of contact pressure and effective stresses from the finest mesh."""
+    shown = {
+        ("skin", "contact_pressure_mean"): "contact pressure, mean",
+        ("skin", "contact_pressure_max"): "contact pressure, maximum",
+        ("skin", "effective_stress"): "skin",
+        ("fat", "effective_stress"): "fat",
+        ("muscle", "effective_stress"): "muscle",
+        ("fascia", "effective_stress"): "fascia",
+        ("vessel", "pressure"): "vessel pressure",
+    }
+
+    def draw(axes: Axes) -> None:
+        relative = [np.sqrt(cells[sizes[-1]] / cells[size]) for size in sizes[:-1]]
+        for k, ((tissue, outcome), label) in enumerate(shown.items()):
+            part = table[(table["tissue"] == tissue) & (table["outcome"] == outcome)]
+            for name, style in (("separate", "o-"), ("combined", "s--")):
+                of_set = part[part["material_set"] == name]
+                finest = of_set[f"value_{sizes[-1]}"].abs()
+                off = [
+                    100.0 * float((of_set[f"value_{s}"].abs() / finest - 1.0).abs().mean())
+                    for s in sizes[:-1]
+                ]
+                text = label if name == "separate" else None
+                axes.loglog(relative, np.maximum(off, 1e-4), style, color=f"C{k}", label=text)
+        axes.set(
+            xlabel=f"element size, {sizes[-1]} = 1",
+            ylabel=f"mean distance from {sizes[-1]}, %",
+        )
+        axes.set_xticks(relative, [f"{r:.2f}" for r in relative], minor=False)
+        axes.minorticks_off()
+        axes.legend(fontsize="small")
+
+    return Figure(
+        "limb_convergence",
+        draw,
+        "Effective stresses and pressures by mesh size, mean over the sockets; lines: Separate, "
+        "dashed: Combined.",
+    )

@@ -1,0 +1,380 @@
+r"""Every law at a material point against closed forms in principal stretches.
+
+The program's forms (`forms/`, compiled) are evaluated at a given deformation gradient and compared
+with `closed_forms`, which is numpy in principal stretches and shares no code with them. Load cases
+are homogeneous and in plane strain: uniaxial with free sides (their stretch solves s22 = 0, and the
+pressure follows from the volume), equibiaxial, simple shear and plane-strain compression, in both
+directions, up to a ratio l1/l2 of the in-plane stretches. The laws are those of Table 1 in both
+sets, and Ogden's with two terms, as the paper prints it, and incompressible.
+
+Taylor's test: the remainder of the energy after its slope by the stress, and of the stress after
+its slope by the tangent, shrink with the square of the step; at F = I, at equal stretches, and at a
+general F. Errors are relative to the largest component of the exact stress.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pandas as pd
+from dolfinx import fem, mesh
+from matplotlib.axes import Axes
+from mpi4py import MPI
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from calfsocket.forms import measures, mixed
+from calfsocket.gather import KILOPASCAL
+from calfsocket.laws import Hencky, Law, Ogden, Yeoh
+from calfsocket.tissues import (
+    BONE,
+    FASCIA,
+    FAT,
+    MUSCLE,
+    MUSCLE_AND_FASCIA,
+    SKIN,
+    SOCKET,
+    VESSEL,
+)
+from calfsocket.verification.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
+from calfsocket.verification.report import Check, Figure, Section, Table
+
+FloatArray = NDArray[np.float64]
+
+TABLE_1: dict[str, Law] = {
+    "skin": SKIN,
+    "fat": FAT,
+    "muscle": MUSCLE,
+    "combined": MUSCLE_AND_FASCIA,
+    "fascia": FASCIA,
+    "vessel": VESSEL,
+    "bone": BONE,
+    "socket": SOCKET,
+}
+LAWS: dict[str, Law] = {
+    **TABLE_1,
+    "two terms": Ogden(mu=(0.4, -0.05), alpha=(3.3, -2.7), d1=0.1),
+    "as printed": Ogden(mu=(0.012,), alpha=(14.0,), d1=1.67, form="as-printed"),
+    "incompressible": Ogden(mu=(0.012,), alpha=(4.6,), d1=0.0),
+}
+
+
+@dataclass(frozen=True)
+class Point:
+    """What the forms give at a deformation gradient; MPa.
+
+    Attributes
+    ----------
+    energy : float
+        Isochoric energy per reference volume.
+    P, dP : (2, 2)
+        First Piola-Kirchhoff stress, and its increment in the direction asked for.
+    cauchy : (4,)
+        s11, s22, s33, s12.
+    """
+
+    energy: float
+    P: FloatArray
+    cauchy: FloatArray
+    dP: FloatArray
+
+
+class MaterialPoint:
+    """The program's forms at a constant F: compiled once a law and number of terms."""
+
+    def __init__(self) -> None:
+        self._domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
+        self._F, self._dF = self._constant((2, 2)), self._constant((2, 2))
+        self._p, self._dp = self._constant(), self._constant()
+        self._compiled: dict[tuple[str, int], tuple[list[fem.Expression], mixed.LawFields]] = {}
+
+    def __call__(
+        self,
+        law: Law,
+        F: FloatArray,
+        p: float = 0.0,
+        dF: FloatArray | None = None,
+        dp: float = 0.0,
+    ) -> Point:
+        """Evaluate a law at F (2, 2) and p (MPa), with the increment towards dF and dp."""
+        n_terms = len(law.mu) if isinstance(law, Ogden) else 1
+        values, fields = self._forms(law.name, n_terms)
+        self._F.value, self._dF.value = F, np.zeros((2, 2)) if dF is None else dF
+        self._p.value, self._dp.value = p, dp
+        match law:
+            case Ogden():
+                for i in range(n_terms):
+                    fields.ogden_mu[i].value = law.abaqus_mu[i]
+                    fields.ogden_alpha[i].value = law.alpha[i]
+            case Yeoh():
+                fields.c10.value, fields.c20.value, fields.c30.value = law.c10, law.c20, law.c30
+            case Hencky():
+                fields.hencky_mu.value = law.initial_shear_modulus
+        cell = np.array([0], dtype=np.int32)
+        psi, P, sigma, dP = (value.eval(self._domain, cell).ravel() for value in values)
+        return Point(float(psi[0]), P.reshape(2, 2), sigma, dP.reshape(2, 2))
+
+    def _constant(self, shape: tuple[int, ...] = ()) -> fem.Constant:
+        return fem.Constant(self._domain, np.zeros(shape))
+
+    def _forms(self, name: str, n_terms: int) -> tuple[list[fem.Expression], mixed.LawFields]:
+        if (name, n_terms) not in self._compiled:
+            fields = mixed.LawFields(
+                ogden_mu=tuple(self._constant() for _ in range(n_terms)),
+                ogden_alpha=tuple(self._constant() for _ in range(n_terms)),
+                **{
+                    key: self._constant()
+                    for key in ("c10", "c20", "c30", "hencky_mu", "inverse_bulk", "pressure_scale")
+                },
+            )
+            F, p = self._F, self._p
+            values = (
+                mixed.isochoric(name, F, fields).psi,
+                mixed.first_piola(name, F, p, fields),
+                measures.cauchy_stress(name, F, p, fields),
+                mixed.first_piola_increment(name, F, p, self._dF, self._dp, fields),
+            )
+            centre = np.array([[0.3, 0.3]])
+            forms = [fem.Expression(value, centre) for value in values]
+            self._compiled[name, n_terms] = (forms, fields)
+        return self._compiled[name, n_terms]
+
+
+@cache
+def material_point() -> MaterialPoint:
+    """Return the one that all share: compiling takes seconds."""
+    return MaterialPoint()
+
+
+# -- load cases -----------------------------------------------------------------------------------
+
+
+def rotation(angle: float) -> FloatArray:
+    """Rotation by an angle in rad, (2, 2)."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def free_sides(law: Law, stretch: float) -> tuple[FloatArray, float]:
+    """F (2, 2) and p (MPa) of a uniaxial stress in the plane: sides free, s22 = 0."""
+    bulk = law.bulk_modulus
+
+    def side_stress(side: float) -> float:
+        J = stretch * side
+        isochoric = closed_kirchhoff(law, np.array([stretch, side, 1.0]))[1]
+        return float(isochoric / J + bulk * (J - 1))
+
+    if np.isinf(bulk):
+        side = 1 / stretch
+        p = -float(closed_kirchhoff(law, np.array([stretch, side, 1.0]))[1])
+    else:
+        side = brentq(side_stress, 0.2 / stretch, 5 / stretch, xtol=1e-15, rtol=1e-15)
+        p = bulk * (stretch * side - 1)
+    return np.diag([stretch, side]), p
+
+
+LoadCase = Callable[[Law, float], list[tuple[FloatArray, float]]]
+
+
+def _uniaxial(law: Law, ratio: float) -> list[tuple[FloatArray, float]]:
+    # With J near 1 the other stretch is 1/stretch, hence the root.
+    return [free_sides(law, ratio**0.5), free_sides(law, ratio**-0.5)]
+
+
+def _held(*gradients: FloatArray) -> Callable[[Law], list[tuple[FloatArray, float]]]:
+    """Deformations that do not depend on the law, with a pressure that does not either."""
+    return lambda law: [(F, 0.3 * law.initial_shear_modulus) for F in gradients]
+
+
+def _equibiaxial(law: Law, ratio: float) -> list[tuple[FloatArray, float]]:
+    return _held(ratio**0.5 * np.eye(2), ratio**-0.5 * np.eye(2))(law)
+
+
+def _simple_shear(law: Law, ratio: float) -> list[tuple[FloatArray, float]]:
+    shear = np.sqrt(ratio) - 1 / np.sqrt(ratio)  # l1 = 1/l2
+    return _held(np.array([[1.0, shear], [0.0, 1.0]]), np.array([[1.0, 0.0], [-shear, 1.0]]))(law)
+
+
+def _plane_strain_compression(law: Law, ratio: float) -> list[tuple[FloatArray, float]]:
+    isochoric = np.diag([ratio**0.5, ratio**-0.5])
+    return _held(isochoric, np.diag([1.0, 1 / ratio]))(law)
+
+
+def _tilted(law: Law, ratio: float) -> list[tuple[FloatArray, float]]:
+    return _held(rotation(0.7) @ np.diag([ratio**0.7, ratio**-0.3]) @ rotation(0.3))(law)
+
+
+LOAD_CASES: dict[str, LoadCase] = {
+    "uniaxial": _uniaxial,
+    "equibiaxial": _equibiaxial,
+    "simple shear": _simple_shear,
+    "plane-strain compression": _plane_strain_compression,
+    "tilted": _tilted,
+}
+"""Deformation gradients and pressures whose in-plane stretches have the ratio l1/l2; equibiaxial:
+both are its root, and its inverse."""
+
+
+# -- errors ---------------------------------------------------------------------------------------
+
+
+def stress_error(law: Law, F: FloatArray, p: float) -> float:
+    """Error of Cauchy and first Piola stress and of the energy, relative to the exact ones."""
+    point, exact = material_point()(law, F, p), closed_cauchy(law, F, p)
+    sigma = np.array([[exact[0], exact[3]], [exact[3], exact[1]]])
+    P = sigma @ np.linalg.inv(F).T * np.linalg.det(F)
+    energy = closed_energy(law, np.append(np.linalg.svd(F, compute_uv=False), 1.0))
+    # Near F = I the closed form of the energy subtracts 3 from numbers near 1.
+    cancelled = 1e-14 * law.initial_shear_modulus
+    return max(
+        float(np.abs(point.cauchy - exact).max() / np.abs(exact).max()),
+        float(np.abs(point.P - P).max() / np.abs(P).max()),
+        max(0.0, abs(point.energy - energy) - cancelled) / max(abs(energy), cancelled),
+    )
+
+
+def worst_error(law: Law, case: str, ratio: float) -> float:
+    """Largest `stress_error` of a load case."""
+    return max(stress_error(law, F, p) for F, p in LOAD_CASES[case](law, ratio))
+
+
+def objectivity_error(law: Law) -> float:
+    """Error of stress and energy of a body turned after, and before, its deformation."""
+    F, p, at = np.array([[1.2, 0.3], [-0.1, 0.9]]), -0.01, material_point()
+    reference = at(law, F, p)
+    P, size = reference.P, np.abs(reference.P).max()
+    worst = 0.0
+    for angle in (0.4, 2.0, np.pi):
+        Q = rotation(angle)
+        for turned, exact in ((at(law, Q @ F, p), Q @ P), (at(law, F @ Q, p), P @ Q)):
+            energy = turned.energy / reference.energy - 1.0
+            worst = max(worst, float(np.abs(turned.P - exact).max() / size), abs(energy))
+    return worst
+
+
+def moduli_error(law: Law) -> float:
+    """Error of the tangent at F = I against the initial shear modulus.
+
+    In shear, in stretch without a change of area, and in dilation of the plane, where the strain's
+    deviator is (1, 1, -2)/3; relative.
+    """
+    at, mu = material_point(), law.initial_shear_modulus
+    p = 1.5 * mu
+    exact = {
+        ((0.0, 1.0), (0.0, 0.0)): mu * np.array([[0.0, 1.0], [1.0, 0.0]]),
+        ((1.0, 0.0), (0.0, -1.0)): 2 * mu * np.diag([1.0, -1.0]),
+        ((1.0, 0.0), (0.0, 1.0)): (2 * mu / 3 + p) * np.eye(2),
+        ((0.0, -1.0), (1.0, 0.0)): np.zeros((2, 2)),
+    }
+    return max(
+        float(np.abs(at(law, np.eye(2), 0.0, np.array(dF), p * (dF[0][0] == dF[1][1] == 1)).dP - dP)
+        .max() / mu)
+        for dF, dP in exact.items()
+    )  # fmt: skip
+
+
+TAYLOR_POINTS = {
+    "F = I": np.eye(2),
+    "equal stretches": 1.1 * rotation(0.3),
+    "general F": np.array([[1.15, 0.22], [-0.07, 0.91]]),
+}
+
+
+def taylor_orders(law: Law, where: str) -> tuple[float, float]:
+    """Least order of the remainders of the energy and of the stress, step by halved step."""
+    F, p, at = TAYLOR_POINTS[where], 0.2 * law.initial_shear_modulus, material_point()
+    dF, dp = np.array([[0.3, -0.7], [0.5, 0.6]]), 0.4 * law.initial_shear_modulus
+    base = at(law, F, p, dF, dp)
+    # The energy is isochoric: its derivative is P without the pressure part p cof F.
+    slope = np.sum((base.P - p * np.linalg.det(F) * np.linalg.inv(F).T) * dF)
+    energies, stresses = [], []
+    for step in 0.004 * 0.5 ** np.arange(4):
+        moved = at(law, F + step * dF, p + step * dp)
+        energies.append(abs(moved.energy - base.energy - step * slope))
+        stresses.append(np.abs(moved.P - base.P - step * base.dP).max())
+    orders = np.log2(np.array([energies, stresses])[:, :-1] / np.array([energies, stresses])[:, 1:])
+    return float(orders[0].min()), float(orders[1].min())
+
+
+# -- report ---------------------------------------------------------------------------------------
+
+RATIOS = (2.0, 3.0)
+CLOSED = "principal stretches, numpy"
+CURVE = np.exp(np.linspace(-0.5, 0.5, 81))
+"""Stretches of the figure."""
+
+
+def report() -> Section:
+    """Measure stress, moduli, objectivity and Taylor's orders of every law."""
+    errors = {
+        ratio: pd.DataFrame(
+            [
+                {"law": name} | {case: worst_error(law, case, ratio) for case in LOAD_CASES}
+                for name, law in LAWS.items()
+            ]
+        )
+        for ratio in RATIOS
+    }
+    orders = [taylor_orders(law, where) for law in LAWS.values() for where in TAYLOR_POINTS]
+    checks = [
+        Check(
+            f"stress and energy up to l1/l2 = {ratio:g}, {case}, worst of {len(LAWS)} laws",
+            float(errors[ratio][case].max()),
+            1e-12,
+            "",
+            CLOSED,
+        )
+        for ratio in RATIOS
+        for case in LOAD_CASES
+    ]
+    checks += [
+        Check(
+            "initial moduli by the tangent",
+            max(map(moduli_error, LAWS.values())),
+            1e-14,
+            "",
+            "mu of Table 1; E/(2 (1 + nu)); 2 C10",
+        ),
+        Check(
+            "stress after and before a rotation",
+            max(map(objectivity_error, LAWS.values())),
+            1e-13,
+            "",
+            "objectivity, isotropy",
+        ),
+        Check(
+            "order of Taylor's test, energy", min(o[0] for o in orders), 1.9, "", "2", "at least"
+        ),
+        Check(
+            "order of Taylor's test, stress", min(o[1] for o in orders), 1.9, "", "2", "at least"
+        ),
+    ]
+
+    def curves(axes: Axes) -> None:
+        for k, (name, law) in enumerate(TABLE_1.items()):
+            color = f"C{k}"
+            exact = [KILOPASCAL * closed_cauchy(law, *free_sides(law, s))[0] for s in CURVE]
+            axes.semilogy(CURVE, np.abs(exact), color=color, lw=1)
+            some = CURVE[::8][CURVE[::8] != 1.0]
+            forms = [material_point()(law, *free_sides(law, s)).cauchy[0] for s in some]
+            axes.semilogy(some, KILOPASCAL * np.abs(forms), "o", ms=4, color=color, label=name)
+        axes.set(xlabel="stretch", ylabel="magnitude of Cauchy stress, kPa")
+        axes.legend(fontsize="small")
+
+    return Section(
+        "The material point",
+        __doc__ or "",
+        checks,
+        [
+            Figure(
+                "material_stress",
+                curves,
+                "Uniaxial stress in plane strain of the tissues of Table 1: closed forms (lines) "
+                "and the program's forms (points).",
+            )
+        ],
+        [
+            Table(f"Largest relative error of stress and energy up to l1/l2 = {ratio:g}.", frame, 2)
+            for ratio, frame in errors.items()
+        ],
+    )

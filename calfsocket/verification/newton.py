@@ -1,0 +1,223 @@
+r"""How Newton's method converges: in every solve of a subject, and at a solution.
+
+With the exact tangent |F| after an iteration is C |F|^2 before it, close to the solution. Three
+things hide that in a run of a few iterations: far from the solution other terms count; below some
+1e-9 N/mm, the program's tolerance, rounding does; and a contact point that opens, closes, sticks,
+slips, or passes to the next edge of the socket has another residual, with a kink in between. So
+what is looked at in every solve is how far its last iteration goes, and in its last two iterations
+which ones have no such change, and what C is. The order itself is measured at a solution: |F| after
+one iteration from points closer and closer to it.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.contact.friction import STATUS_NAMES
+from calfsocket.model import Model
+from calfsocket.solver import DEFAULT_OPTIONS, Problem, Solver
+from calfsocket.verification.report import Check
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCE = float(DEFAULT_OPTIONS["snes_atol"])
+"""N/mm."""
+
+LAST_ITERATIONS = 2
+
+LEAST_CONTRACTION = 1e-2
+"""Of a last iteration; where C is 100 mm/N it is reached from 1e-4 N/mm."""
+
+PROBES = tuple(1e-2 * 0.5**k for k in range(7))
+"""|F| from which the order at a solution is measured, N/mm."""
+
+
+@dataclass
+class Solve:
+    """One Newton solve, iterate by iterate.
+
+    Attributes
+    ----------
+    norms : list of float
+        Residual norms, N/mm.
+    contact : list of (n,) int
+        Status and socket edge of the skin points in one number (`contact_numbers`).
+    """
+
+    norms: list[float] = field(default_factory=list)
+    contact: list[NDArray[np.int64]] = field(default_factory=list)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last residual is below the tolerance."""
+        return self.norms[-1] < TOLERANCE
+
+    def changes(self) -> NDArray[np.int64]:
+        """Count the contact points whose status or edge changes in each iteration."""
+        return np.array(
+            [np.count_nonzero(a != b) for a, b in pairwise(self.contact)], dtype=np.int64
+        )
+
+
+@contextmanager
+def recording() -> Iterator[list[Solve]]:
+    """Record every Newton solve of the body, of whatever problem, on one rank."""
+    solves: list[Solve] = []
+    record = Solver._record
+
+    def note(solver: Solver, snes: PETSc.SNES, iteration: int, norm: float) -> None:
+        record(solver, snes, iteration, norm)
+        if iteration == 0:
+            solves.append(Solve())
+        solves[-1].norms.append(float(norm))
+        solves[-1].contact.append(contact_numbers(solver._problem))
+
+    with mock.patch.object(Solver, "_record", note):
+        yield solves
+
+
+@dataclass(frozen=True)
+class Iterations:
+    """The last two iterations of many solves.
+
+    Attributes
+    ----------
+    before, after : (n,)
+        Residual norms, N/mm.
+    changes : (n,) int
+        Contact points that change their status or edge.
+    last : (n,) bool
+        Which are the last of their solve.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    changes: NDArray[np.int64]
+    last: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, solves: list[Solve]) -> "Iterations":
+        """Take them from converged solves; ones that begin at their solution have none."""
+        rows = []
+        for solve in solves:
+            n = len(solve.norms) - 1
+            changes = solve.changes()
+            if solve.converged:
+                rows += [
+                    (solve.norms[k], solve.norms[k + 1], changes[k], k == n - 1)
+                    for k in range(max(0, n - LAST_ITERATIONS), n)
+                ]
+        before, after, changed, last = np.array(rows, dtype=float).reshape(-1, 4).T
+        return cls(before, after, changed.astype(np.int64), last.astype(bool))
+
+    @property
+    def smooth(self) -> NDArray[np.bool_]:
+        """Which ones show Newton's method alone: no change in contact, end above the tolerance."""
+        return (self.after > TOLERANCE) & (self.changes == 0)
+
+    @property
+    def factor(self) -> FloatArray:
+        """C = |F| after over |F|^2 before of the smooth ones, mm/N."""
+        return self.after[self.smooth] / self.before[self.smooth] ** 2
+
+    @property
+    def last_contraction(self) -> float:
+        """Largest |F| after over before of a last iteration that rounding lets go far enough."""
+        far = self.last & (self.before > TOLERANCE / LEAST_CONTRACTION)
+        return float((self.after[far] / self.before[far]).max(initial=0.0))
+
+
+def newton_checks(solves: list[Solve]) -> list[Check]:
+    """Judge all solves of a subject; nothing where there are none."""
+    if not solves:
+        return []
+    converged = sum(solve.converged for solve in solves)
+    return [
+        Check(
+            f"Newton, {converged} of {len(solves)} solves converge: |F| after the last iteration "
+            "over before, worst",
+            Iterations.of(solves).last_contraction,
+            LEAST_CONTRACTION,
+            "",
+            "quadratic convergence",
+        )
+    ]
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One Newton iteration each from several distances of a solution.
+
+    Attributes
+    ----------
+    before, after : (n,)
+        |F| before and after it, N/mm; only where statuses and edges of contact are those of the
+        solution, and |F| after is above the tolerance.
+    """
+
+    before: FloatArray
+    after: FloatArray
+
+    @property
+    def order(self) -> float:
+        """Slope of log |F| after over log |F| before; NaN with fewer than two."""
+        if len(self.before) < 2:
+            return np.nan
+        return float(np.polyfit(np.log(self.before), np.log(self.after), 1)[0])
+
+
+def probe_at(problem: Problem, x: PETSc.Vec, direction: FloatArray) -> Probe:
+    """Take one Newton iteration from each of a few points closer and closer to a solution.
+
+    Parameters
+    ----------
+    problem
+        Residual and tangent.
+    x : Vec
+        The solution; unchanged.
+    direction : (n,)
+        Away from it, zero at held unknowns. It is scaled so that |F| starts near `PROBES`.
+    """
+    A, f, start, change = problem.create_matrix(), x.duplicate(), x.duplicate(), x.duplicate()
+    ksp = PETSc.KSP().create(x.getComm())
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    ksp.getPC().setType(PETSc.PC.Type.LU)
+    ksp.getPC().setFactorSolverType("mumps")
+
+    def norm_at(size: float) -> float:
+        start.array[:] = x.array_r + size * direction
+        problem.residual(start, f)
+        return float(f.norm())
+
+    norm_at(0.0)
+    contact = contact_numbers(problem)
+    small = 1e-6 / np.abs(direction).max()
+    per_size = norm_at(small) / small
+    pairs = []
+    for probe in PROBES:
+        before = norm_at(probe / per_size)
+        same = np.array_equal(contact, contact_numbers(problem))
+        problem.tangent(start, A)
+        ksp.setOperators(A)
+        ksp.solve(f, change)
+        start.axpy(-1.0, change)
+        problem.residual(start, f)
+        after = float(f.norm())
+        if same and after > TOLERANCE:
+            pairs.append((before, after))
+    return Probe(*np.array(pairs).reshape(-1, 2).T)
+
+
+def contact_numbers(problem: Any) -> NDArray[np.int64]:
+    """Edge and status of each skin point at the last residual; empty where there is no contact."""
+    if not isinstance(problem, Model):
+        return np.zeros(0, dtype=np.int64)
+    state = problem.contact.state()
+    return len(STATUS_NAMES) * state.projection.edge + state.traction.status

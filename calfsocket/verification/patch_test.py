@@ -1,0 +1,123 @@
+r"""Patch test of tissues side by side.
+
+**Patch test.** Strips of tissues side by side, with curved triangles inside, take the compatible
+field x -> Q (l_i x + c_i, l y): one stretch l along the strips for all, and across them in each the
+stretch l_i at which its law has the common nominal stress P_xx. Its displacement is linear and its
+pressure constant in each strip, so that the element must give it to rounding. Q is a rotation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from numpy.typing import NDArray
+
+from calfsocket.laws import Law, Ogden
+from calfsocket.tissues import FASCIA, MUSCLE, material_set
+from calfsocket.verification.body import Body, at_points
+from calfsocket.verification.radial import RingLaw
+from calfsocket.verification.report import Check
+from calfsocket.verification.strips import BOTTOM, LEFT, RIGHT, TOP, strip_mesh
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Errors of a patch test.
+
+    Attributes
+    ----------
+    displacement : float
+        Largest error over the largest displacement.
+    stretch : float
+        Largest error of a component of F.
+    pressure : float
+        Largest error over the largest pressure of the strip.
+    """
+
+    displacement: float
+    stretch: float
+    pressure: float
+
+
+STIFF_MUSCLE = Ogden(tuple(1e4 * mu for mu in MUSCLE.mu), MUSCLE.alpha, 1e-4 * MUSCLE.d1)
+
+
+def patch_strips() -> dict[str, list[Law]]:
+    """Return strips of the patch tests: modulus ratio 1e4, incompressible, and all tissues."""
+    separate = material_set("separate")
+    return {
+        "muscle beside 1e4 times muscle": [MUSCLE, STIFF_MUSCLE, MUSCLE],
+        "incompressible block": [FASCIA],
+        "all tissues": list(separate.values()),
+    }
+
+
+def patch_test(
+    laws: Sequence[Law], along: float = 0.97, stress: float = -0.002, turn: float = 0.3
+) -> Patch:
+    """Solve the patch test.
+
+    Parameters
+    ----------
+    laws : sequence of law
+        One a strip.
+    along : float
+        Stretch along the strips.
+    stress : float
+        Nominal stress across the strips, MPa; it acts as a traction on the last one.
+    turn : float
+        Angle by which the whole is turned, rad.
+    """
+    names = [f"strip_{k}" for k in range(len(laws))]
+    section = strip_mesh([(name, 2.0, 2) for name in names], 4.0, 4, bend=0.15)
+    across, pressures = [], []
+    for law in laws:
+        reduced = RingLaw(law)
+        P, hoop = np.array([stress]), np.array([along], dtype=np.longdouble)
+        radial = reduced.radial_stretch(P, hoop)
+        sigma = reduced.cauchy(P, radial, hoop)[:, 0]
+        across.append(float(radial[0]))
+        # Isochoric stress has no trace.
+        pressures.append(float(sigma.sum()) / 3.0)
+    edges = 2.0 * np.arange(len(laws) + 1)
+    moved = np.concatenate([[0.0], np.cumsum(2.0 * np.array(across))])
+    Q = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+
+    def displacement(x: Array) -> Array:
+        return np.asarray(Q @ np.array([np.interp(x[0], edges, moved), along * x[1]]) - x)
+
+    def loads(v: Any) -> ufl.Form:
+        ds = ufl.Measure("ds", section.mesh, subdomain_data=section.facet_tags)
+        traction = ufl.as_vector([stress * Q[0, 0], stress * Q[1, 0]])
+        return ufl.inner(traction, v) * ds(section.boundaries[RIGHT])
+
+    sides = [(side, c, displacement) for side in (LEFT, BOTTOM, TOP) for c in range(2)]
+    body = Body(section, dict(zip(names, laws, strict=True)), sides, loads=loads)
+    body.solve(steps=2)
+    at = at_points(body)
+    u = displacement(at.x)
+    strip = at.region - 1
+    F = np.array(across)[strip] * np.outer(Q[:, 0], [1, 0])[:, :, None]
+    F = F + along * np.outer(Q[:, 1], [0, 1])[:, :, None]
+    p = np.array(pressures)[strip]
+    return Patch(
+        float(np.abs(at.u - u).max() / np.abs(u).max()),
+        float(np.abs(at.F - F).max()),
+        float(np.abs(at.p / p - 1.0).max()),
+    )
+
+
+def checks() -> list[Check]:
+    """Measure every patch."""
+    found = []
+    for name, laws in patch_strips().items():
+        patch = patch_test(laws)
+        found += [
+            Check(f"patch, {name}: displacement", patch.displacement, 1e-12, "", "linear field"),
+            Check(f"patch, {name}: pressure", patch.pressure, 1e-10, "", "constant in a strip"),
+        ]
+    return found

@@ -1,0 +1,100 @@
+"""Meshes of curved triangles for the element: strips side by side, and a quarter of a ring."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from calfsocket.meshes.distributed import SectionMesh, distribute
+from calfsocket.meshes.triangles import TriangleMesh
+
+Array = NDArray[Any]
+Field = Callable[[Array], Array]
+
+LEFT, RIGHT, BOTTOM, TOP = "left", "right", "bottom", "top"
+
+
+def strip_mesh(
+    widths: Sequence[tuple[str, float, int]],
+    length: float,
+    n: int,
+    bend: float = 0.0,
+    place: Field | None = None,
+) -> SectionMesh:
+    """Return strips side by side: (region, width in mm, elements across), `length` mm long.
+
+    The strips follow each other along x and run along y, with n elements. All nodes, mid-sides
+    too, are moved by `bend` element sizes at most, at random but always the same; those on the
+    edges of strips stay, so that triangles are curved inside and not at the edges. `place` moves
+    the nodes on, mid-sides too: positions (2, n) -> (2, n).
+    """
+
+    def build() -> TriangleMesh:
+        x_lines, columns = [0.0], []
+        for tag, (_, width, across) in enumerate(widths, start=1):
+            x_lines += list(x_lines[-1] + width * np.arange(1, 2 * across + 1) / (2 * across))
+            columns += [tag] * across
+        x, y = np.array(x_lines), np.linspace(0.0, length, 2 * n + 1)
+        nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+        size = min(np.diff(x).min(), np.diff(y).min())
+        move = size * bend * np.random.default_rng(1).uniform(-1, 1, nodes.shape)
+        edge = 2 * np.cumsum([0, *(across for _, _, across in widths)])
+        move[edge] = 0.0
+        move[:, [0, -1]] = 0.0
+        row = len(y)
+
+        def at(i: Array, j: Array) -> Array:
+            return np.asarray(i * row + j)
+
+        i, j = (2 * index.ravel() for index in np.indices((len(columns), n)))
+        # Two triangles a box, the diagonal turned from box to box.
+        lower = [(0, 0), (2, 0), (2, 2), (1, 0), (2, 1), (1, 1)]
+        upper = [(0, 0), (2, 2), (0, 2), (1, 1), (1, 2), (0, 1)]
+        turned = (i + j) // 2 % 2 == 1
+        cells = []
+        for corners in (lower, upper):
+            # Turned boxes are mirrored in y, and their nodes taken the other way round.
+            mirrored = [(a, 2 - b) for a, b in corners]
+            mirrored = [mirrored[k] for k in (0, 2, 1, 5, 4, 3)]
+            straight = np.stack([at(i + a, j + b) for a, b in corners], axis=1)
+            mirror = np.stack([at(i + a, j + b) for a, b in mirrored], axis=1)
+            cells.append(np.where(turned[:, None], mirror, straight))
+        tags = np.repeat(np.array(columns, dtype=np.int32), n)
+        last = len(x) - 1
+        sides = [
+            *(((0, 2 * k), (0, 2 * k + 2), (0, 2 * k + 1), 1) for k in range(n)),
+            *(((last, 2 * k), (last, 2 * k + 2), (last, 2 * k + 1), 2) for k in range(n)),
+            *(((2 * k, 0), (2 * k + 2, 0), (2 * k + 1, 0), 3) for k in range(last // 2)),
+            *(
+                ((2 * k, row - 1), (2 * k + 2, row - 1), (2 * k + 1, row - 1), 4)
+                for k in range(last // 2)
+            ),
+        ]
+        points = (nodes + move).reshape(-1, 2)
+        return TriangleMesh(
+            points=points if place is None else place(points.T).T,
+            cells=np.concatenate(cells).astype(np.int64),
+            cell_tags=np.concatenate([tags, tags]),
+            facets=np.array([[a * row + b for a, b in side[:3]] for side in sides], dtype=np.int64),
+            facet_tags=np.array([side[3] for side in sides], dtype=np.int32),
+            regions={name: tag for tag, (name, _, _) in enumerate(widths, start=1)},
+            boundaries={LEFT: 1, RIGHT: 2, BOTTOM: 3, TOP: 4},
+        )
+
+    return distribute(MPI.COMM_SELF, build)
+
+
+INNER, OUTER = 8.0, 16.0
+"""Radii of the quarter ring, mm."""
+
+
+def quarter_ring(n: int) -> SectionMesh:
+    """Return a quarter of a ring, n elements across; mid-side nodes lie on arcs."""
+
+    def place(x: Array) -> Array:
+        radius, angle = INNER + x[0], x[1] / INNER
+        return radius * np.array([np.cos(angle), np.sin(angle)])
+
+    return strip_mesh([("ring", OUTER - INNER, n)], 0.5 * np.pi * INNER, 2 * n, place=place)

@@ -1,0 +1,351 @@
+r"""The assembled tangent, contact included.
+
+Rings of vessel, muscle, fascia and skin in a soft socket, so that no law hides in the rounding of
+another, with random displacements and pressures on top. The socket is larger than the limb (all
+open), overlaps it (all stick), is turned besides (all slip), or moved sideways (open, stick and
+slip side by side).
+
+**Finite differences.** The tangent times a random direction against central differences of the
+residual. None of the points compared changes its status between the two.
+
+**Parameters.** Residual and tangent move when a parameter moves, in the states in which they
+should, and are the same to the last bit in the others. In stick the limit of friction plays no
+part, in slip the tangential stiffness does not, and where all is open nothing of contact does.
+
+**Newton's method.** The order at an equilibrium of each kind, of the rings of `friction`: |F| after
+one iteration against |F| before, from three distances (see `newton`).
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from dolfinx import fem
+from matplotlib.axes import Axes
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.contact.friction import OPEN, SLIP, STICK
+from calfsocket.laws import Hencky, Law
+from calfsocket.meshes import tags
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import Model
+from calfsocket.tissues import FASCIA, MUSCLE, SKIN, VESSEL
+from calfsocket.verification.driven import Drive, DrivenModel
+from calfsocket.verification.friction import TurnedRing
+from calfsocket.verification.newton import Probe, probe_at
+from calfsocket.verification.report import Check, Figure, Section, Table
+
+FloatArray = NDArray[np.float64]
+
+LAYERS: tuple[tuple[str, float, float, Law], ...] = (
+    ("vessel", 10.0, 14.0, VESSEL),
+    ("muscle", 14.0, 22.0, MUSCLE),
+    ("fascia", 22.0, 24.0, FASCIA),
+    ("skin", 24.0, 28.0, SKIN),
+)
+SOCKET_LAW = Hencky(e=1.0, nu=0.3)
+THICKNESS = 4.0
+OVERLAP = 0.2
+"""mm."""
+
+NOISE = 1e-3
+"""Of the unknowns in a state; displacements in mm, pressures over the shear modulus."""
+
+DIFFERENCE = 1e-7
+"""Step of the finite differences, of unknowns of size 1."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a state is made and what it must be.
+
+    Attributes
+    ----------
+    overlap : float
+        By which the socket is smaller than the limb, mm.
+    turn : float
+        Of the socket, rad.
+    shift : float
+        Of the socket along x, mm.
+    status : set of int
+        Contact statuses of its points.
+    """
+
+    overlap: float
+    turn: float
+    shift: float
+    status: frozenset[int]
+
+
+KINDS = {
+    "open": Kind(-0.5, 0.0, 0.0, frozenset({OPEN})),
+    "stick": Kind(OVERLAP, 0.0, 0.0, frozenset({STICK})),
+    "slip": Kind(OVERLAP, 0.02, 0.0, frozenset({SLIP})),
+    "mixed": Kind(OVERLAP, 0.0, 0.3, frozenset({OPEN, STICK, SLIP})),
+}
+
+
+def ring(kind: Kind, h: float = 4.0) -> DrivenModel:
+    """Return the rings with their socket's outer face held, without the shrink fit's share."""
+    inner = LAYERS[-1][2] - kind.overlap
+    section = ring_mesh(
+        MPI.COMM_SELF, [layer[:3] for layer in LAYERS], (inner, inner + THICKNESS), h
+    )
+    laws = {name: law for name, _, _, law in LAYERS} | {tags.SOCKET: SOCKET_LAW}
+    model = DrivenModel(section, laws, socket_support="outer-fixed")
+    model.contact.load = 1.0
+    return model
+
+
+def state(kind: Kind) -> tuple[DrivenModel, PETSc.Vec]:
+    """Make a state that is no equilibrium: the rings with noise, their socket moved."""
+    model = ring(kind)
+    drive = Drive(model)
+    drive.move([tags.SOCKET], kind.turn, (kind.shift, 0.0))
+    x = drive.solver.x
+    x.array[:] += NOISE * np.random.default_rng(4).normal(size=x.getLocalSize())
+    x.array[model.held] = model.prescribed[model.held]
+    model.set_unknowns(x)
+    return model, x
+
+
+# -- finite differences ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A tangent against finite differences of the residual.
+
+    Attributes
+    ----------
+    error : float
+        Norm of the difference, relative.
+    status : (n,) int
+        Contact status of the points.
+    switched : int
+        Points whose status differs between the two ends of the difference.
+    """
+
+    error: float
+    status: NDArray[np.int64]
+    switched: int
+
+
+def difference(
+    model: Model, x: PETSc.Vec, direction: FloatArray, step: float = DIFFERENCE
+) -> Difference:
+    """Compare the tangent at x, times a direction, with a central difference of the residual."""
+    A, f = model.create_matrix(), x.duplicate()
+    ends, status = [], []
+    for sign in (1.0, -1.0):
+        moved, end = x.copy(), x.duplicate()
+        moved.array[:] += sign * step * direction
+        model.residual(moved, end)
+        ends.append(end.array.copy())
+        status.append(model.contact.state().traction.status)
+    model.tangent(x, A)
+    along = x.duplicate()
+    along.array[:] = direction
+    A.mult(along, f)
+    exact = (ends[0] - ends[1]) / (2.0 * step)
+    return Difference(
+        error=float(np.linalg.norm(f.array - exact) / np.linalg.norm(exact)),
+        status=model.contact.state().traction.status,
+        switched=int(np.count_nonzero(status[0] != status[1])),
+    )
+
+
+def random_direction(model: Model, x: PETSc.Vec, seed: int = 5) -> FloatArray:
+    """Return a direction of size 1, zero where unknowns are held."""
+    direction = np.random.default_rng(seed).normal(size=x.getLocalSize())
+    direction[model.held] = 0.0
+    return direction
+
+
+# -- parameters -----------------------------------------------------------------------------------
+
+CONTACT_PARAMETERS: dict[str, frozenset[str]] = {
+    "gamma": frozenset({"stick", "slip", "mixed"}),
+    "gamma_t": frozenset({"stick", "mixed"}),
+    "fric_coeff": frozenset({"slip", "mixed"}),
+    "load": frozenset({"stick", "slip", "mixed"}),
+}
+"""States in which each parameter of contact counts."""
+
+MOVE = 0.1
+"""Of a parameter, relative."""
+
+
+@contextmanager
+def contact_moved(model: Model, parameter: str) -> Iterator[None]:
+    """Move a parameter of contact by `MOVE`, for the body."""
+    contact = model.contact
+    before = contact.load, contact.parameters
+    if parameter == "load":
+        contact.load *= 1.0 - MOVE
+    else:
+        value = getattr(contact.parameters, parameter) * (1.0 + MOVE)
+        contact.parameters = replace(contact.parameters, **{parameter: value})
+    yield
+    contact.load, contact.parameters = before
+
+
+@contextmanager
+def law_moved(parameter: fem.Function) -> Iterator[None]:
+    """Move a parameter of the laws by `MOVE`, for the body."""
+    before = parameter.x.array.copy()
+    parameter.x.array[:] *= 1.0 + MOVE
+    yield
+    parameter.x.array[:] = before
+
+
+def law_parameters(model: Model) -> dict[str, fem.Function]:
+    """Return the parameters of the laws, by name."""
+    fields = dict(vars(model.fields))
+    parameters = [*fields.pop("ogden_mu"), *fields.pop("ogden_alpha"), *fields.values()]
+    return {parameter.name: parameter for parameter in parameters}
+
+
+Moves = dict[tuple[str, str], tuple[float, float, bool]]
+"""Relative change of residual and of tangent by parameter and state, and whether it should be."""
+
+
+def moves_of(name: str) -> Moves:
+    """Move each parameter of contact, and in the mixed state each of the laws, in a state."""
+    model, x = state(KINDS[name])
+    f, g = x.duplicate(), x.duplicate()
+    A, B = model.create_matrix(), model.create_matrix()
+    model.residual(x, f)
+    model.tangent(x, A)
+
+    def change() -> tuple[float, float]:
+        model.residual(x, g)
+        model.tangent(x, B)
+        g.axpy(-1.0, f)
+        B.axpy(-1.0, A, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        return g.norm() / f.norm(), B.norm() / A.norm()
+
+    moves = {}
+    for parameter, counts in CONTACT_PARAMETERS.items():
+        with contact_moved(model, parameter):
+            moves[parameter, name] = (*change(), name in counts)
+    if name == "mixed":
+        for parameter, function in law_parameters(model).items():
+            with law_moved(function):
+                moves[parameter, name] = (*change(), True)
+    return moves
+
+
+def parameter_moves() -> Moves:
+    """Move the parameters in every state."""
+    return {key: move for name in KINDS for key, move in moves_of(name).items()}
+
+
+def as_it_should(moves: Moves) -> int:
+    """Count the parameters and states where both move, or neither does, as they should."""
+    return sum((f > 0) == (A > 0) == should for f, A, should in moves.values())
+
+
+# -- Newton's method ------------------------------------------------------------------------------
+
+
+RING = TurnedRing(overclosure=0.2, h=2.8)
+
+EQUILIBRIA: dict[str, tuple[float, Sequence[tuple[float, float]], frozenset[int]]] = {
+    "stick": (0.4, [(0.5, 0.0)], frozenset({STICK})),
+    "slip": (0.4, [(0.5, 0.0), (1.0, 0.0), (1.0, 0.0)], frozenset({SLIP})),
+    "mixed": (0.1, [(0.0, 0.1)] * 4, frozenset({OPEN, STICK, SLIP})),
+}
+"""Coefficient of friction; steps of the socket, turned by a share of the turn of first slip and
+moved sideways by mm; contact statuses that come of it."""
+
+
+def equilibrium_probe(name: str) -> tuple[Probe, set[int]]:
+    """Press the rings of `friction`, move the socket, and probe Newton's method there.
+
+    Returns
+    -------
+    probe, status
+        The probe along the last change of the unknowns, and the contact statuses.
+    """
+    fric_coeff, steps, _ = EQUILIBRIA[name]
+    ring = replace(RING, fric_coeff=fric_coeff)
+    drive = ring.drive(MPI.COMM_SELF)
+    model, x = drive.model, drive.solver.x
+    for turn, shift in steps:
+        before = x.array.copy()
+        drive.step([tags.SOCKET], turn * ring.slip_turn, (shift, 0.0))
+    model.set_unknowns(x)
+    status = {int(number) for number in model.contact.state().traction.status}
+    direction = x.array_r - before
+    direction[model.held] = 0.0
+    return probe_at(model, x, direction), status
+
+
+# -- report ---------------------------------------------------------------------------------------
+
+DIRECTIONS = 4
+
+
+def report() -> Section:
+    """Compare with finite differences, move the parameters, measure the order."""
+    checks, probes = [], {}
+    for name, kind in KINDS.items():
+        model, x = state(kind)
+        found = [difference(model, x, random_direction(model, x, k)) for k in range(DIRECTIONS)]
+        checks.append(
+            Check(
+                f"{name}: tangent in {DIRECTIONS} directions",
+                max(d.error for d in found),
+                1e-6,
+                "",
+                "central differences of the residual",
+            )
+        )
+    moves = parameter_moves()
+    checks.append(
+        Check(
+            "parameters that move residual and tangent where they should, and only there",
+            as_it_should(moves),
+            len(moves),
+            "",
+            "the law of contact",
+            "exactly",
+        )
+    )
+    for name in EQUILIBRIA:
+        probes[name], _ = equilibrium_probe(name)
+        checks.append(
+            Check(f"{name}: Newton's order", probes[name].order, 1.9, "", "2", "at least")
+        )
+
+    def plot(axes: Axes) -> None:
+        for name, probe in probes.items():
+            axes.loglog(probe.before, probe.after, "o-", label=name)
+        before = next(iter(probes.values())).before
+        axes.loglog(before, before**2, "k--", lw=1, label="slope 2")
+        axes.set(xlabel="|F| before the iteration, N/mm", ylabel="|F| after it, N/mm")
+        axes.legend()
+
+    frame = [
+        {"parameter": parameter, "state": name, "residual": f, "tangent": A, "should": should}
+        for (parameter, name), (f, A, should) in moves.items()
+    ]
+    return Section(
+        "The tangent",
+        __doc__ or "",
+        checks,
+        [Figure("newton_order", plot, "One iteration from three distances of an equilibrium.")],
+        [
+            Table(
+                f"Relative change when a parameter grows by {MOVE:.0%}; in the states where it "
+                "plays no part it must be zero.",
+                pd.DataFrame(frame).replace({"should": {True: "moves", False: "stays"}}),
+                2,
+            )
+        ],
+    )
