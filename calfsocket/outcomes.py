@@ -14,6 +14,7 @@ points, before any averaging: averaged, one cell's spike would lend itself to it
 common edge's midpoint is the site.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -152,6 +153,17 @@ def _sign(signed: NDArray[np.float64], magnitude: NDArray[np.float64]) -> NDArra
     return np.where(signed < -1e-9 * magnitude, -1.0, 1.0)
 
 
+def node_average(
+    fields: SectionFields,
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Give the function that averages nodal values (n_cells, 6) over the cells of one tissue."""
+    node_of_tissue = fields.cells * len(TISSUES) + fields.tissue[:, None]
+    _, inverse = np.unique(node_of_tissue, return_inverse=True)
+    inverse = inverse.reshape(fields.cells.shape)
+    count = np.bincount(inverse.ravel())
+    return lambda values: (np.bincount(inverse.ravel(), values.ravel()) / count)[inverse]
+
+
 def cell_outcomes(fields: SectionFields) -> CellOutcomes:
     """Outcomes at the nodes, averaged within each tissue, and the means over the cells."""
     strain = log_strain(fields.deformation_gradient)
@@ -159,14 +171,7 @@ def cell_outcomes(fields: SectionFields) -> CellOutcomes:
     nodes = _outcomes(
         EXTRAPOLATION @ fields.stress, EXTRAPOLATION @ strain, fields.pressure @ EXTRAPOLATION.T
     )
-    node_of_tissue = fields.cells * len(TISSUES) + fields.tissue[:, None]
-    _, inverse = np.unique(node_of_tissue, return_inverse=True)
-    inverse = inverse.reshape(fields.cells.shape)
-    count = np.bincount(inverse.ravel())
-
-    def average(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (np.bincount(inverse.ravel(), values.ravel()) / count)[inverse]
-
+    average = node_average(fields)
     nodal = {name: average(values) for name, values in nodes.items()}
     mean = {name: values.mean(axis=1) for name, values in gauss.items()}
     amp = "amp_log_strain"
