@@ -35,7 +35,7 @@ def deformed(fields: SectionFields) -> NDArray[np.float64]:
 
 
 def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
-    """Closed curves that bound some cells: counter-clockwise outside, clockwise around holes.
+    """Bound some cells by closed curves: counter-clockwise outside, clockwise around holes.
 
     A quadratic element's edge is a quadratic Bezier curve, so the path is the mesh's own boundary
     without loss: its control point is 2 m - (a + b)/2, with the ends a, b and the mid-side node m.

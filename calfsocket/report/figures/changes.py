@@ -63,7 +63,7 @@ def of_strain_at_sites(results: Results) -> Figure:
 
 
 def comparison(results: Results) -> pd.DataFrame:
-    """Changes of stresses and strains, ours and the paper's, %; NaN where the paper has none.
+    """Give changes of stresses and strains, ours and the paper's, %; NaN where the paper has none.
 
     Returns
     -------

@@ -21,7 +21,7 @@ from calfsocket.report.figures.style import (
     socket_title,
 )
 from calfsocket.report.results import Results
-from calfsocket.section_fields import TISSUES, SectionFields
+from calfsocket.section_fields import SectionFields
 
 # Told apart by hue, and by lightness for colour-blind eyes.
 TISSUE_COLOURS = {
@@ -166,7 +166,7 @@ def overlays(results: Results) -> Figure:
 
 
 def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
-    """Draw limb and socket as they are meshed; return the share of area that the socket takes, %."""
+    """Draw limb and socket as meshed; return the share of area that the socket takes, %."""
     points = fields.points
     limb = drawing.limb_boundary(fields, points)
     socket = drawing.boundary(fields.cells[drawing.cells_of(fields, "socket")], points)
