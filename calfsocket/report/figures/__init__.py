@@ -93,8 +93,8 @@ PLANS = (
         "figure5b_changes_of_magnitude",
         "Change of the maxima's magnitude",
         "(|Combined| \N{MINUS SIGN} |Separate|) / |Separate|, not equation (3): above 0 the "
-        "Combined set has the larger stress or strain, whatever its sign. The paper's numbers follow from its "
-        "Tables 2 and 4.",
+        "Combined set has the larger stress or strain, whatever its sign. The paper's numbers "
+        "follow from its Tables 2 and 4.",
         changes.of_magnitudes,
         compares=True,
     ),

@@ -12,8 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator, NullLocator
 
 from calfsocket.outcomes import SUMMARY_TISSUES
-from calfsocket.report import names, published
-from calfsocket.report.changes import magnitude_change, relative_changes
+from calfsocket.report import comparison, names
 from calfsocket.report.figures.style import (
     OTHER_SOCKET,
     SOCKET_COLOURS,
@@ -35,7 +34,6 @@ SHORT = {
     "max_separate": "S",
     "max_combined": "C",
 }
-KEY = ["socket", "tissue", "outcome", "site"]
 
 LINEAR_TO_PCT = 100.0  # logarithmic beyond, where all of the range is shown
 LIMITED_PCT = 250.0
@@ -44,12 +42,12 @@ PAPER = {"marker": "D", "markerfacecolor": "white", "markeredgecolor": "black"}
 
 def of_maxima(results: Results) -> Figure:
     """Draw the relative change of the maxima by equation (3), as the paper's figure 5."""
-    return _maxima(results, "relative_change_pct", "relative change, eq. (3), %")
+    return _maxima(results, ("ours", "paper"), "relative change, eq. (3), %")
 
 
 def of_magnitudes(results: Results) -> Figure:
     """Draw the change of the maxima's magnitude, which equation (3) does not tell."""
-    return _maxima(results, "magnitude_change_pct", "change of magnitude, %")
+    return _maxima(results, ("ours_magnitude", "paper_magnitude"), "change of magnitude, %")
 
 
 def of_stress_at_sites(results: Results) -> Figure:
@@ -62,38 +60,14 @@ def of_strain_at_sites(results: Results) -> Figure:
     return _at_sites(results, STRAINS)
 
 
-def comparison(results: Results) -> pd.DataFrame:
-    """Give changes of stresses and strains, ours and the paper's, %; NaN where the paper has none.
-
-    Returns
-    -------
-    DataFrame
-        Indexed by `KEY`, with relative_change_pct and magnitude_change_pct, and with paper_ before
-        each. The paper prints equation (3); its changes of magnitude at the maxima follow from
-        Tables 2 and 4.
-    """
-    ours = relative_changes(results)
-    ours = ours[ours.outcome.isin(STRESSES + STRAINS)]
-    printed = pd.concat([published.table(3), published.table(5)]).set_index(KEY).printed
-    maxima = published.maxima().pivot(index=KEY[:3], columns="material_set", values="printed")
-    magnitude = pd.Series(
-        [magnitude_change(row.separate, row.combined) for row in maxima.itertuples()],
-        index=pd.MultiIndex.from_tuples([(*key, "max_both") for key in maxima.index], names=KEY),
-    )
-    table = ours.set_index(KEY)[["relative_change_pct", "magnitude_change_pct"]]
-    return table.assign(
-        paper_relative_change_pct=printed.reindex(table.index),
-        paper_magnitude_change_pct=magnitude.reindex(table.index),
-    )
-
-
-def _maxima(results: Results, column: str, label: str) -> Figure:
-    table = comparison(results).xs("max_both", level="site").reset_index()
+def _maxima(results: Results, columns: tuple[str, str], label: str) -> Figure:
+    table = comparison.changes(results)
+    table = table[table.site == "max_both"]
     sockets = _sockets(results)
     figure = new_figure(130.0)
     for bottom, outcomes, title in ((79.0, STRESSES, "stresses"), (18.0, STRAINS, "strains")):
         axes = add_axes(figure, 14.0, bottom, WIDTH_MM - 16.0, 45.0)
-        _bars(axes, table, "outcome", outcomes, column, sockets)
+        _bars(axes, table, "outcome", outcomes, columns, sockets)
         axes.set_title(f"Largest {title}")
         axes.set_ylabel(label)
     legend_at(figure, 14.0, 3.0, _key(sockets))
@@ -101,7 +75,7 @@ def _maxima(results: Results, column: str, label: str) -> Figure:
 
 
 def _at_sites(results: Results, outcomes: Sequence[str]) -> Figure:
-    table = comparison(results).reset_index()
+    table = comparison.changes(results)
     sockets = _sockets(results)
     figure = new_figure(136.0)
     width = (WIDTH_MM - 2.0) / 2 - 15.0
@@ -111,7 +85,7 @@ def _at_sites(results: Results, outcomes: Sequence[str]) -> Figure:
             axes = add_axes(figure, 15.0 + j * (width + 15.0), bottom, width, 46.0)
             _bars(
                 axes, of_outcome, "site", ("max_separate", "max_combined"),
-                "relative_change_pct", sockets,
+                ("ours", "paper"), sockets,
             )  # fmt: skip
             if limited:
                 axes.set_ylim(-LIMITED_PCT, LIMITED_PCT)
@@ -159,10 +133,13 @@ def _bars(
     table: pd.DataFrame,
     inner: str,
     inners: Sequence[str],
-    column: str,
+    columns: tuple[str, str],
     sockets: Sequence[str],
 ) -> None:
-    """Draw clusters of bars: tissues, within them `inners`, within them sockets."""
+    """Draw clusters of bars: tissues, within them `inners`, within them sockets.
+
+    `columns` are ours, as bars, and the paper's, as marks.
+    """
     at = table.set_index(["tissue", inner, "socket"])
     breadth = len(inners) + 0.45
     width = 0.84 / len(sockets)
@@ -181,10 +158,14 @@ def _bars(
                 row = at.loc[(tissue, name, socket)]
                 x = left + k + 0.08 + (s + 0.5) * width
                 axes.bar(
-                    x, row[column], width, color=SOCKET_COLOURS.get(socket, OTHER_SOCKET), zorder=2
+                    x,
+                    row[columns[0]],
+                    width,
+                    color=SOCKET_COLOURS.get(socket, OTHER_SOCKET),
+                    zorder=2,
                 )
                 axes.plot(
-                    x, row[f"paper_{column}"], **PAPER, markersize=2.6, markeredgewidth=0.6,
+                    x, row[columns[1]], **PAPER, markersize=2.6, markeredgewidth=0.6,
                     zorder=3,
                 )  # fmt: skip
         axes.text(
