@@ -104,10 +104,9 @@ def changes(results: Results, ours: pd.DataFrame | None = None) -> pd.DataFrame:
         ours = relative_changes(results)
     keys = ["socket", "tissue", "outcome", "site"]
     at = ours.set_index(keys)
-    printed = pd.concat([published.table(3), published.table(5)], ignore_index=True)
     maximum = published.maxima().set_index(["tissue", "outcome", "socket", "material_set"]).printed
     rows = []
-    for row in printed.itertuples():
+    for row in published.changes().itertuples():
         key = (row.socket, row.tissue, row.outcome, row.site)
         if key not in at.index:
             continue

@@ -36,6 +36,11 @@ def maxima() -> pd.DataFrame:
     return pd.concat([table(2), table(4)], ignore_index=True)
 
 
+def changes() -> pd.DataFrame:
+    """Tables 3 and 5 together."""
+    return pd.concat([table(3), table(5)], ignore_index=True)
+
+
 def _read(name: str) -> pd.DataFrame:
     with (files("calfsocket.report") / "paper" / name).open(encoding="utf-8") as file:
         return pd.read_csv(file, dtype=str, keep_default_na=False)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calfsocket.contact_line import ContactLine
@@ -157,7 +158,7 @@ def contact_line(rows: pd.DataFrame, fields: SectionFields) -> ContactLine:
     The length that each point stands for is not in the file: it is the weight of the Gauss point of
     the skin's outline that lies, deformed, where the row says.
     """
-    edges = _skin_edges(fields)
+    edges = free_edges(fields, fields.tissue == TISSUES.index("skin"))
     per_edge = len(rows) // len(edges)
     s, weight = np.polynomial.legendre.leggauss(per_edge)
     shape = np.column_stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s**2])
@@ -180,11 +181,11 @@ def contact_line(rows: pd.DataFrame, fields: SectionFields) -> ContactLine:
     )
 
 
-def _skin_edges(fields: SectionFields) -> np.ndarray:
-    """Return ends and middle of the skin cells' edges that no other cell has, (n, 3)."""
-    skin = fields.cells[fields.tissue == TISSUES.index("skin")]
-    corners = skin[:, :3]
-    edges = np.stack([corners, np.roll(corners, -1, axis=1), skin[:, 3:]], axis=2).reshape(-1, 3)
+def free_edges(fields: SectionFields, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return ends and middle of the edges of the chosen cells that no other cell has, (n, 3)."""
+    cells = fields.cells[chosen]
+    corners = cells[:, :3]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1), cells[:, 3:]], axis=2).reshape(-1, 3)
     uses = np.bincount(fields.cells[:, 3:].ravel(), minlength=len(fields.points))
     return edges[uses[edges[:, 2]] == 1]
 
