@@ -1,16 +1,17 @@
 """The answer in ten lines, computed from the numbers: what a reader should take home."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from calfsocket.outcomes import SUMMARY_TISSUES
-from calfsocket.report import names, published
+from calfsocket.report import comparison, names, published
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import Thresholds, damage
 from calfsocket.report.results import Results
-from calfsocket.report.scoreboard import counts
+from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, counts
 from calfsocket.report.table import change, number
 
 SECTORS = (
@@ -51,7 +52,7 @@ def answer(
     changes = relative_changes(results)
     lines = [_contact(results), *(_tissue(results, tissue) for tissue in SUMMARY_TISSUES)]
     if len(changes):
-        lines += [_merging_and_pressure(changes), _merging_and_tissues(changes)]
+        lines += [_merging_and_pressure(changes), _merging_and_tissues(results, changes)]
     lines += [_damage(results, thresholds or Thresholds()), _trust(results, board)]
     return [line for line in lines if line.text]
 
@@ -63,45 +64,44 @@ def _reference(results: Results) -> str:
 
 def _contact(results: Results) -> Line:
     material_set = _reference(results)
-    parts = []
-    rows = results.summary[results.summary.material_set == material_set]
-    at = rows.set_index(["outcome", "socket"])
-    for socket in rows.socket.unique():
-        largest = at.loc[("contact_pressure_max", socket)]
-        mean = at.value[("contact_pressure_mean", socket)]
-        place = sector(largest.x_mm, largest.y_mm)
-        parts.append(f"{socket} {number(mean)} kPa, at most {number(largest.value)} ({place})")
+    peaks = results.summary[
+        (results.summary.material_set == material_set)
+        & (results.summary.outcome == "contact_pressure_max")
+    ]
+    means = [
+        number(results.value(socket, material_set, "skin", "contact_pressure_mean"))
+        for socket in peaks.socket
+    ]
+    largest = [f"{number(row.value)} ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()]
     return Line(
-        "The sockets", f"press the skin on average with {'; '.join(parts)} "
-        f"({names.SETS[material_set]} set, no weight on the leg)."
-    )  # fmt: skip
+        "Contact pressure",
+        f"On average {_and(means)} kPa in {_and(peaks.socket)}; at most {_and(largest)} kPa "
+        f"({names.SETS[material_set]} set; the leg bears no weight).",
+    )
 
 
 def _tissue(results: Results, tissue: str) -> Line:
     """Say in which socket and where a tissue is loaded most."""
-    material_set = _reference(results)
     summary = results.summary
-    rows = summary[(summary.material_set == material_set) & (summary.tissue == tissue)]
+    rows = summary[(summary.material_set == _reference(results)) & (summary.tissue == tissue)]
+    most = [
+        of_outcome.loc[of_outcome.value.abs().idxmax()]
+        for outcome in ("effective_stress", "shear_log_strain")
+        if (of_outcome := rows[rows.outcome == outcome]).value.notna().any()
+    ]
+    same = len({row.socket for row in most}) == 1
     parts = []
-    for outcome in ("effective_stress", "shear_log_strain"):
-        of_outcome = rows[rows.outcome == outcome]
-        if of_outcome.value.isna().all():
-            continue
-        most = of_outcome.loc[of_outcome.value.abs().idxmax()]
-        where = sector(most.x_mm, most.y_mm)
-        if most.region != tissue:
-            where = f"{names.region(most.region)}, {where}"
-        parts.append(
-            f"{names.OUTCOMES[outcome]} {number(abs(most.value))} {most.unit} "
-            f"in {most.socket} ({where})"
-        )
+    for row in most:
+        where = [] if same else [row.socket]
+        if tissue not in row.region:  # "deep_fascia" tells no more than "fascia"
+            where.append(names.region(row.region))
+        where.append(sector(row.x_mm, row.y_mm))
+        value = f"{names.OUTCOMES[row.outcome]} {number(abs(row.value))} {row.unit}"
+        parts.append(f"{value} ({', '.join(where)})")
     if not parts:
         return Line("", "")
-    name = names.TISSUES[tissue]
-    text = f"is loaded most by {' and by '.join(parts)}."
-    if name.endswith("s"):
-        text = text.replace("is loaded", "are loaded", 1)
-    return Line(name.capitalize(), text)
+    where = f" in {most[0].socket}" if same else ""
+    return Line(names.TISSUES[tissue].capitalize(), f"Loaded most{where}: {_and(parts)}.")
 
 
 def _merging_and_pressure(changes: pd.DataFrame) -> Line:
@@ -111,25 +111,40 @@ def _merging_and_pressure(changes: pd.DataFrame) -> Line:
     printed = published.pressure().set_index(["outcome", "socket"]).printed
     paper = [printed.get(("contact_pressure_max", socket), np.nan) for socket in largest.index]
     text = (
-        f"changes the mean contact pressure by {_list(mean)} % "
-        f"and the largest by {_list(largest)} % ({', '.join(mean.index)}"
+        f"Changes the mean contact pressure by {_and(map(change, mean))} % "
+        f"and the largest by {_and(map(change, largest))} % in {_and(mean.index)}"
     )
     if np.isfinite(paper).all():
-        text += f"; the paper has {_list(paper)} % for the largest"
-    return Line("Merging fascia and muscle", f"{text}).")
+        text += f" (the paper, the largest: {_and(map(change, paper))} %)"
+    return Line("Merging fascia and muscle", f"{text}.")
 
 
-def _merging_and_tissues(changes: pd.DataFrame) -> Line:
-    """Say how stress and strain of muscle and fascia change in magnitude, over the sockets."""
-    both = changes[changes.site == "max_both"]
+def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
+    """Say how the tissues' largest values change in magnitude, and which tissue has the largest."""
+    both = changes[changes.site == "max_both"].set_index(["tissue", "outcome"]).sort_index()
     parts = []
     for tissue in ("fascia", "muscle"):
-        ranges = []
-        for outcome, word in (("effective_stress", "stress"), ("shear_log_strain", "shear strain")):
-            rows = both[(both.tissue == tissue) & (both.outcome == outcome)]
-            ranges.append(f"{word} by {_range(rows.magnitude_change_pct)} %")
-        parts.append(f"the {names.TISSUES[tissue]}'s largest {' and '.join(ranges)}")
-    return Line("It also changes", f"in magnitude {'; '.join(parts)}.")
+        stress, strain = (
+            _range(both.magnitude_change_pct[tissue, outcome])
+            for outcome in ("effective_stress", "shear_log_strain")
+        )
+        parts.append(f"{names.TISSUES[tissue]}: stress {stress} %, shear strain {strain} %")
+    moves = []
+    for outcome in ("effective_stress", "shear_log_strain"):
+        before, after = (_most_loaded(results, name, outcome) for name in names.SETS)
+        move = f"stays in {before}" if before == after else f"moves from {before} to {after}"
+        moves.append(f"the largest {names.OUTCOMES[outcome]} {move}")
+    return Line(
+        "Merging and the tissues",
+        f"In magnitude, {'; '.join(parts)}. Of all tissues, {_and(moves)}.",
+    )
+
+
+def _most_loaded(results: Results, material_set: str, outcome: str) -> str:
+    """Name the tissue with the largest magnitude of an outcome, over all sockets."""
+    summary = results.summary
+    rows = summary[(summary.material_set == material_set) & (summary.outcome == outcome)]
+    return names.TISSUES[rows.tissue[rows.value.abs().idxmax()]]
 
 
 def _damage(results: Results, thresholds: Thresholds) -> Line:
@@ -140,18 +155,14 @@ def _damage(results: Results, thresholds: Thresholds) -> Line:
         ("fascia", "amp_log_strain", thresholds.fascia_strain_pct),
     ):
         rows = table[(table.tissue == tissue) & (table.outcome == outcome)]
-        beyond = rows[rows.level_pct > limit]
         what = f"{limit:g} % {names.OUTCOMES[outcome]} in {names.TISSUES[tissue]}"
-        if beyond.empty:
-            parts.append(f"no run exceeds {what}")
-            continue
-        runs = [
+        beyond = [
             f"{row.socket} {names.SETS[row.material_set]} ({number(row.level_pct)} %, "
             f"{number(row.area_share_pct)} % of the tissue)"
-            for row in beyond.itertuples()
+            for row in rows[rows.level_pct > limit].itertuples()
         ]
-        parts.append(f"{what} is exceeded in {', '.join(runs)}")
-    return Line("Damage thresholds", f"{'; '.join(parts)}.")
+        parts.append(f"{what} is exceeded in {_and(beyond) or 'no run'}")
+    return Line("Damage thresholds", f"{_and(parts, comma=True)}.")
 
 
 def _trust(results: Results, board: pd.DataFrame) -> Line:
@@ -160,22 +171,29 @@ def _trust(results: Results, board: pd.DataFrame) -> Line:
     unstable = [f"{name} ({n})" for name, n in modes.items() if n]
     unknown = [name for name, n in modes.items() if n is None]
     if unstable:
-        text = f"not every result is a stable equilibrium: negative modes in {', '.join(unstable)}"
+        text = f"Not every result is a stable equilibrium: negative modes in {_and(unstable)}."
     elif unknown:
-        text = f"stability was not counted in {', '.join(unknown)}"
+        text = f"Stability was not counted in {_and(unknown)}."
     else:
-        text = "every result is a stable equilibrium (no negative modes)"
+        text = "Every result is a stable equilibrium (no negative modes)."
     tally = counts(board)
-    total = sum(tally.values())
-    text += f"; of {total} claims of the paper " + ", ".join(
-        f"{n} {verdict.replace('does not', 'do not') if n != 1 else verdict}"
-        for verdict, n in tally.items()
-    ).replace(" holds", " hold")
-    return Line("How far to trust it", f"{text}.")
+    words = {HOLDS: "hold", FAILS: "do not hold", UNCHECKED: "cannot be checked"}
+    claims = _and(f"{tally[verdict]} {word}" for verdict, word in words.items())
+    text += f" Of the paper's {len(board)} claims {claims}."
+    ratio = comparison.maxima(results).ratio
+    if ratio.notna().any():
+        low, middle, high = (number(ratio.quantile(share)) for share in (0.25, 0.5, 0.75))
+        text += (
+            f" Stresses and strains are {middle} times the paper's in the median, "
+            f"half of them {low} to {high} times."
+        )
+    return Line("How far to trust it", text)
 
 
-def _list(values: pd.Series | list[float]) -> str:
-    return ", ".join(change(value) for value in values)
+def _and(words: Iterable[str], comma: bool = False) -> str:
+    """Join words to a list as one reads it."""
+    *first, last = [*words] or [""]
+    return f"{', '.join(first)}{',' if comma else ''} and {last}" if first else last
 
 
 def _range(values: pd.Series) -> str:

@@ -1,0 +1,34 @@
+"""The whole report of a study: tables, scoreboard, figures and page, from its files alone."""
+
+from pathlib import Path
+
+from calfsocket.report import scoreboard, tables
+from calfsocket.report.answer import answer
+from calfsocket.report.damage import Thresholds
+from calfsocket.report.figures import draw_figures
+from calfsocket.report.page import write_page
+from calfsocket.report.results import read_results
+
+
+def write_report(folder: Path, thresholds: Thresholds | None = None) -> Path:
+    """Write tables/, figures/ and report.html into a folder of results; return the page's path.
+
+    Parameters
+    ----------
+    folder : Path
+        Of a study, complete or not.
+    thresholds : Thresholds, optional
+        Damage thresholds, the paper's by default.
+
+    Raises
+    ------
+    InputError
+        When the folder holds no results that can be read.
+    """
+    results = read_results(folder)
+    made = tables.build(results, thresholds)
+    board = scoreboard.scoreboard(results, thresholds)
+    tables.write(results, [*made, scoreboard.table(board)])
+    return write_page(
+        results, answer(results, board, thresholds), draw_figures(results), made, board
+    )
