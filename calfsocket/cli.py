@@ -8,6 +8,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -37,6 +38,7 @@ examples:
   python3 -m calfsocket --size coarse --out quick       the same on a coarse mesh
   python3 -m calfsocket --sockets TC,HS --materials separate
   mpirun -n 2 python3 -m calfsocket                     two cases side by side
+  python3 -m calfsocket --size coarse --variants        what depends on choices of the model
   python3 -m calfsocket report results                  tables, figures and page again
   python3 -m calfsocket mesh --socket HS --out hs.msh   only a mesh, with a table of its quality
 
@@ -193,6 +195,12 @@ def _study_parser(program: str) -> _Parser:
     what.add_argument(
         "--friction", type=float, default=0.4, metavar="MU", help="coefficient (default: 0.4)"
     )
+    what.add_argument(
+        "--variants",
+        action="store_true",
+        help="solve the study also with each choice that the paper leaves open changed (held "
+        "socket, C10, friction 0, Ogden form), into DIR/variants/, and compare",
+    )
     how = parser.add_argument_group("how to run")
     how.add_argument(
         "--out", type=Path, default=Path("results"), metavar="DIR", help="default: %(default)s"
@@ -256,6 +264,7 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.logging import RichHandler
 
+    from calfsocket import variants
     from calfsocket.case import Case, Settings
     from calfsocket.contact.nitsche import ContactParameters
     from calfsocket.meshes.data import load_limb, load_sockets
@@ -287,7 +296,9 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
         out=arguments.out,
         pictures=not arguments.no_pictures,
     )
-    _on_first_rank(comm, lambda: check_folder(study, arguments.overwrite))
+    studies = variants.studies(study) if arguments.variants else [study]
+    for each in studies:
+        _on_first_rank(comm, partial(check_folder, each, arguments.overwrite))
     console = Console(stderr=True)
     if comm.rank == 0:
         if console.is_terminal:
@@ -296,13 +307,18 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
             handler = logging.StreamHandler()
             handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
         logging.basicConfig(level=logging.INFO, handlers=[handler])
-    solved = run_study(comm, study, arguments.ranks_per_case, console)
+    solved = []
+    for each in studies:
+        logging.info("results go to %s", each.out)
+        solved.append(run_study(comm, each, arguments.ranks_per_case, console))
     if comm.rank == 0 and not arguments.no_report:
         from calfsocket.report.writing import write_report
 
-        with attempt("no report"):
-            logging.getLogger(__name__).info("report: %s", write_report(study.out))
-    return OK if solved else CASE_FAILED
+        # the base comes first, and its page compares all variants: they are all there now
+        for each in studies:
+            with attempt(f"no report in {each.out}"):
+                logging.info("report: %s", write_report(each.out))
+    return OK if all(solved) else CASE_FAILED
 
 
 def _on_first_rank(comm: "MPI.Intracomm", task: Callable[[], None]) -> None:

@@ -59,7 +59,7 @@ INDICATORS = (
 
 def gauss_areas(fields: SectionFields) -> NDArray[np.float64]:
     """Area of the reference section that each Gauss point stands for, mm^2, (n_cells, 3)."""
-    return determinant(jacobians(fields.points[fields.cells], GAUSS_POINTS)) / 6
+    return np.abs(determinant(jacobians(fields.points[fields.cells], GAUSS_POINTS))) / 6
 
 
 def tensile_strain(strain: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -68,6 +68,12 @@ CHAPTERS = (
     Chapter("contact", "Contact pressure", "", ("9", "pressure")),
     Chapter("damage-risk", "Damage thresholds", "", ("damage",)),
     Chapter("agreement-with-paper", "Agreement with the paper", "", ("agreement",)),
+    Chapter(
+        "choices",
+        "What the paper leaves open",
+        "None of these choices is made because it looks like the paper.",
+        ("variants", "dependence", "claims_by_variant"),
+    ),
 )
 
 

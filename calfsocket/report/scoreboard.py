@@ -68,4 +68,5 @@ def _check(identifier: str, evidence: Evidence) -> tuple[str, str, str, str]:
     except NotChecked as reason:
         return UNCHECKED, "", "", str(reason)
     verdict = HOLDS if finding.holds else FAILS
-    return verdict, finding.ours, finding.paper, "" if finding.holds else finding.why
+    why = "" if finding.holds else finding.why or "ours differs from the paper's"
+    return verdict, finding.ours, finding.paper, why

@@ -79,6 +79,7 @@ def several_hundred(e: Evidence) -> Finding:
         f"{n} of {len(both)} maxima change by {SEVERAL_HUNDRED_PCT:g} % or more, {by_size} in "
         "magnitude",
         "some (its tables: 12 of 60, 6 in magnitude)",
+        f"the largest is {number(both.relative_change_pct.abs().max())} %",
     )
 
 
@@ -94,6 +95,7 @@ def often_several_hundred(e: Evidence) -> Finding:
         f"{far.sum()} of {len(rows)} cells, {at_combined} of them at the Combined maximum, where "
         "the reference is small",
         f"often ({printed.sum()} of {len(printed)} cells)",
+        f"{100 * far.mean():.0f} % of the cells are fewer than {100 * OFTEN:g} %",
     )
 
 
@@ -139,7 +141,9 @@ def both_directions(e: Evidence) -> Finding:
     rows = _cells(e)
     size = rows.magnitude_change_pct[rows.site == "max_both"]
     up, down = int((size > 0).sum()), int((size < 0).sum())
-    return Finding(up > 0 and down > 0, f"{up} maxima rise in magnitude, {down} fall", "both")
+    return Finding(
+        up > 0 and down > 0, f"{up} maxima rise in magnitude, {down} fall", "both", "all one way"
+    )
 
 
 @claim("C103")
@@ -158,4 +162,5 @@ def large_at_low_load(e: Evidence) -> Finding:
         bool(median >= LARGE_PCT),
         f"half of the maxima change by {number(median)} % or more in magnitude",
         f"considerable (its tables: {number(float(np.median(theirs)))} %)",
+        f"half of the maxima change by less than {LARGE_PCT:g} %",
     )

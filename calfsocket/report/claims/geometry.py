@@ -112,11 +112,12 @@ def socket_elements(e: Evidence) -> Finding:
 
 def _count(e: Evidence, counts: list[int], paper: int) -> Finding:
     low, high = min(counts), max(counts)
+    off = max(abs(count / paper - 1) for count in (low, high))
     return Finding(
         all(about(count, paper, ABOUT_COUNT) for count in (low, high)),
         f"{low}" if low == high else f"{low} to {high}",
         f"{paper}",
-        f"mesh size of this study: {e.settings['size']}",
+        f"{100 * off:.1f} % off with the mesh size '{e.settings['size']}'",
     )
 
 
