@@ -54,7 +54,14 @@ def answer(
     if len(changes):
         lines += [_merging_and_pressure(changes), _merging_and_tissues(results, changes)]
     lines += [_damage(results, thresholds or Thresholds()), _trust(results, board)]
-    return [line for line in lines if line.text]
+    return [Line(line.topic, _tie_units(line.text)) for line in lines if line.text]
+
+
+def _tie_units(text: str) -> str:
+    """Keep numbers and their units on one line."""
+    for unit in ("%", "kPa"):
+        text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
+    return text
 
 
 def _reference(results: Results) -> str:

@@ -22,6 +22,9 @@ from calfsocket.report.table import Table
 
 PAGE_FILE = "report.html"
 
+# How the paper's parts begin in the list of claims; all others have their own name there.
+PARTS = {"1": "Introduction", "2": "Method", "3": "Results", "4": "Discussion", "T": "Tables"}
+
 MARKS = {HOLDS: "✓", FAILS: "✗", UNCHECKED: "?"}
 
 
@@ -122,8 +125,9 @@ def write_page(
         chapters=[chapter for chapter in chapters if chapter["content"]],
         tally=counts(board),
         marks=MARKS,
-        sections=[
-            (name, group.to_dict("records")) for name, group in board.groupby("section", sort=False)
+        parts=[
+            (name, group.to_dict("records"))
+            for name, group in board.groupby(board.section.map(_part), sort=False)
         ],
         method=[Markup(table.html()) for table in method.tables(results)],
     )
@@ -131,6 +135,10 @@ def write_page(
     with writers.replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
+
+
+def _part(section: str) -> str:
+    return PARTS.get(section[0], section)
 
 
 def _template(name: str) -> str:

@@ -116,11 +116,11 @@ def _draw_key(figure: Figure, what: Map) -> None:
         Line2D([], [], marker=MARKERS[tissue], linestyle="", **MARKER, markersize=3.8, label=tissue)
         for tissue in SUMMARY_TISSUES
     ]
-    legend_at(figure, 80.0, 7.5, tissues, title="largest in")
+    legend_at(figure, 78.0, 7.5, tissues, title="largest in")
     beyond = f"beyond ±{what.high:g} %" if both else f"above {what.high:g} kPa"
     areas = [
         Patch(color=what.beyond, label=beyond),
         Patch(color=drawing.BONE, label="bone"),
         Patch(color=drawing.SOCKET, label="socket"),
     ]
-    legend_at(figure, 80.0, 2.0, areas)
+    legend_at(figure, 78.0, 2.0, areas)

@@ -32,7 +32,7 @@ def contact_pressure(results: Results) -> Figure:
     reach = [
         np.vstack([b.at(b.pressure_kPa), b.at(max(levels, default=0.0))]) for b in bands.values()
     ]
-    window = window_around(*reach, margin_mm=1.5)
+    window = window_around(*reach, margin_mm=3.0)
 
     def draw(axes: Axes, key: tuple[str, str]) -> None:
         fields, band, contact = results.fields(*key), bands[key], contacts[key]
