@@ -175,7 +175,8 @@ def test_change_of_magnitude_stands_beside_equation_3(results):
         (-0.0213, "\N{MINUS SIGN}0.0213"),
         (0.0, "0"),
         (-3.8e6, "\N{MINUS SIGN}3.8·10^6"),
-        (2e-5, "2.0e\N{MINUS SIGN}05"),
+        (2e-5, "2.0·10^\N{MINUS SIGN}5"),
+        (99.96, "100"),
         (float("nan"), ""),
     ],
 )
