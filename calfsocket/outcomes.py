@@ -274,11 +274,7 @@ def _pairs_of(fields: SectionFields, pairs: Neighbours, tissue: str) -> NDArray[
 
 
 def maximum(
-    fields: SectionFields,
-    outcomes: CellOutcomes,
-    pairs: Neighbours,
-    tissue: str,
-    outcome: str,
+    fields: SectionFields, outcomes: CellOutcomes, pairs: Neighbours, tissue: str, outcome: str
 ) -> Maximum:
     """Level of an outcome in a tissue by the rule at the top of this file.
 

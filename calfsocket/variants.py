@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calfsocket.case import Settings
+from calfsocket.report.variants import BASE, FOLDER
 from calfsocket.study import Study
-
-FOLDER = "variants"
-BASE = "base"
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,7 @@ def limb(stress_factor: float = 1.0, shear: float = 0.0) -> SectionFields:
     region = fields.region.copy()
     middle = fields.points[fields.cells].mean(axis=1)
     region[(region == 2) & (np.hypot(middle[:, 0] + 25, middle[:, 1]) < 6)] = 8
+    region[(region == 2) & (np.hypot(*middle.T) < 14)] = 3  # a sheath on the tibia
     turn = np.array([[1.0, shear], [0.0, 1.0]])
     return replace(
         fields,

@@ -14,7 +14,15 @@ from calfsocket.report.claims.registry import CHECKS, claim
 from calfsocket.report.claims.tolerances import about, about_change
 from calfsocket.report.damage import Thresholds
 from calfsocket.report.results import Results, read_results
-from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, VERDICTS, counts, scoreboard
+from calfsocket.report.scoreboard import (
+    FAILS,
+    HOLDS,
+    UNCHECKED,
+    VERDICTS,
+    counts,
+    scoreboard,
+    table,
+)
 from report_results import ALL, limb_study, write_results
 
 
@@ -65,6 +73,14 @@ def test_every_claim_gets_a_verdict_with_numbers_or_a_reason(board):
     assert sum(counts(board).values()) == len(board) == 105
     for text in (*board.ours, *board.why):
         assert "nan" not in text.split() and "\n" not in text
+
+
+def test_scoreboard_as_a_table(results):
+    made = table(scoreboard(results))
+    assert made.shown.paper["C064"].endswith("(its own tables disagree)")
+    assert "disagree" not in made.shown.paper["C065"]
+    tally = ", ".join(f"{n} {verdict}" for verdict, n in counts(made.data).items())
+    assert f"Of 105 claims of the paper: {tally}." in made.caption
 
 
 def test_calibration_is_said_not_to_be_built(board):

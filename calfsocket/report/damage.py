@@ -91,7 +91,10 @@ def damage(results: Results, thresholds: Thresholds | None = None) -> pd.DataFra
     rows = []
     for socket, material_set in results.cases:
         case = results.case(socket, material_set)
+        present = set(case.fields.tissue)
         for tissue, outcome in INDICATORS:
+            if TISSUES.index(tissue) not in present:
+                continue
             row = _row(case, tissue, outcome, limits[tissue])
             rows.append({"socket": socket, "material_set": material_set, **row})
     return pd.DataFrame(rows)

@@ -50,7 +50,10 @@ def counts(board: pd.DataFrame) -> dict[str, int]:
 
 def table(board: pd.DataFrame) -> Table:
     """Give the scoreboard as a table of the report."""
-    shown = board[["id", "claim", "verdict", "ours", "paper", "why"]].set_index("id")
+    contradicted = board.own_tables.str.startswith("NO")
+    paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
+    shown = board.assign(paper=paper).set_index("id")
+    shown = shown[["claim", "verdict", "ours", "paper", "why"]]
     tally = ", ".join(f"{n} {verdict}" for verdict, n in counts(board).items())
     return Table(
         "scoreboard",

@@ -72,21 +72,17 @@ class Table:
 
 
 def number(value: float) -> str:
-    """Three digits, a minus sign, and no exponent below a hundred thousand; empty for NaN."""
+    """Three digits and a minus sign, powers of ten far from 1; empty for NaN."""
     if not np.isfinite(value):
         return ""
-    if abs(value) >= 1e5:
+    if value == 0:
+        return "0"
+    if not 1e-3 <= abs(value) < 1e5:
         mantissa, exponent = f"{value:.1e}".split("e")
         text = f"{mantissa}·10^{int(exponent)}"
-    elif abs(value) >= 100:
-        text = f"{value:.0f}"
-    elif value == 0:
-        text = "0"
-    elif abs(value) >= 0.001:
-        text = f"{value:#.3g}"
     else:
-        text = f"{value:.1e}"
-    return text.replace("-", "\N{MINUS SIGN}", 1)
+        text = f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def change(value: float) -> str:

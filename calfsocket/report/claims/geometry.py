@@ -215,6 +215,8 @@ def refined_at_thin_fascia(e: Evidence) -> Finding:
         axis=1
     )
     fascia = fields.tissue == TISSUES.index("fascia")
+    if not (fascia & at_bone).any():
+        raise NotChecked("no element of fascia lies at a bone")
     fine = float(np.median(size[fascia & at_bone]))
     coarse = float(np.median(size[fields.tissue == TISSUES.index("muscle")]))
     return Finding(
