@@ -1,5 +1,8 @@
 """What every drawing of the section shares: outlines, fields as images, directions, colours."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 import pyvista
 from matplotlib.axes import Axes
@@ -35,7 +38,7 @@ def deformed(fields: SectionFields) -> NDArray[np.float64]:
 
 
 def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
-    """Bound some cells by closed curves: counter-clockwise outside, clockwise around holes.
+    """Bound some cells by closed curves that turn as the cells do, and the other way around holes.
 
     A quadratic element's edge is a quadratic Bezier curve, so the path is the mesh's own boundary
     without loss: its control point is 2 m - (a + b)/2, with the ends a, b and the mid-side node m.
@@ -43,7 +46,7 @@ def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
     Parameters
     ----------
     cells
-        Six-node triangles, corners counter-clockwise, (n_cells, 6).
+        Six-node triangles, all turning the same way, (n_cells, 6).
     points
         Positions, mm, (n_points, 2).
     """
@@ -72,25 +75,33 @@ def limb_boundary(fields: SectionFields, points: NDArray[np.float64]) -> Path:
     return boundary(fields.cells[cells_of(fields, *SOFT_TISSUES, "bone")], points)
 
 
+def draw_path(axes: Axes, path: Path, **style: Any) -> PathPatch:
+    """Draw a path on axes whose limits are set by `frame`, not by what is drawn."""
+    patch = PathPatch(path, **style)
+    axes.add_artist(patch)  # add_patch would look for the extremes of every curve
+    return patch
+
+
 def draw_tissue(
-    axes: Axes, fields: SectionFields, points: NDArray[np.float64], tissue: str, **style: object
+    axes: Axes, fields: SectionFields, points: NDArray[np.float64], tissue: str, **style: Any
 ) -> None:
     """Fill a tissue; nothing where the section has none."""
     cells = cells_of(fields, tissue)
     if len(cells):
-        style = {"linewidth": 0, **style}
-        axes.add_patch(PathPatch(boundary(fields.cells[cells], points), **style))
+        draw_path(axes, boundary(fields.cells[cells], points), **{"linewidth": 0, **style})
 
 
 def draw_outlines(
-    axes: Axes, fields: SectionFields, points: NDArray[np.float64], linewidth: float, zorder: float
+    axes: Axes,
+    fields: SectionFields,
+    points: NDArray[np.float64],
+    regions: Iterable[int] | None = None,
+    **style: Any,
 ) -> None:
-    """Draw the outline of every region, the socket's too."""
-    for region in np.unique(fields.region):
+    """Draw the outlines of some regions, by default of all, the socket's too."""
+    for region in np.unique(fields.region) if regions is None else regions:
         path = boundary(fields.cells[fields.region == region], points)
-        axes.add_patch(
-            PathPatch(path, fill=False, edgecolor=OUTLINE, linewidth=linewidth, zorder=zorder)
-        )
+        draw_path(axes, path, **{"fill": False, "edgecolor": OUTLINE, **style})
 
 
 def field_image(

@@ -17,8 +17,12 @@ VERSION = f"calfsocket {calfsocket.__version__}"
 READ_DATA = """
 import calfsocket.forms
 from calfsocket.meshes import data
+from calfsocket.report import page, published, writing
 data.load_limb()
 data.load_sockets()
+published.claims()
+page.read_template("report.html")
+page.read_template("report.css")
 """
 
 

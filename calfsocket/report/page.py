@@ -107,14 +107,14 @@ def write_page(
         for chapter in CHAPTERS
     ]
     environment = Environment(
-        loader=FunctionLoader(_template),
+        loader=FunctionLoader(read_template),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     text = environment.get_template("report.html").render(
-        style=Markup(_template("report.css")),
+        style=Markup(read_template("report.css")),
         version=calfsocket.__version__,
         sockets=[
             f"{name} {drawing.SOCKET_NAMES.get(name, '')}".strip() for name in results.sockets
@@ -141,7 +141,8 @@ def _part(section: str) -> str:
     return PARTS.get(section[0], section)
 
 
-def _template(name: str) -> str:
+def read_template(name: str) -> str:
+    """Read a file of the page's template."""
     return (files("calfsocket.report") / "templates" / name).read_text(encoding="utf-8")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, PathPatch, Rectangle
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def regions(results: Results) -> Figure:
     for tissue, colour in TISSUE_COLOURS.items():
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
     names = _by_tissue(fields)
-    _draw_outlines_of(axes, fields, names)
+    drawing.draw_outlines(axes, fields, points, names, linewidth=0.4, zorder=3)
     for number, place, target in _number_places(fields, names):
         if target is not None:
             axes.plot(*zip(place, target, strict=True), color="black", linewidth=0.5, zorder=4)
@@ -71,12 +71,6 @@ def _by_tissue(fields: SectionFields) -> list[int]:
     ids = [i for i in map(int, np.unique(fields.region)) if fields.region_tissues[i] != "socket"]
     order = list(TISSUE_COLOURS)
     return sorted(ids, key=lambda i: (order.index(fields.region_tissues[i]), i))
-
-
-def _draw_outlines_of(axes: Axes, fields: SectionFields, ids: list[int]) -> None:
-    for region in ids:
-        path = drawing.boundary(fields.cells[fields.region == region], fields.points)
-        axes.add_patch(PathPatch(path, fill=False, linewidth=0.4, zorder=3))
 
 
 def _number_places(
@@ -170,23 +164,22 @@ def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
     points = fields.points
     limb = drawing.limb_boundary(fields, points)
     socket = drawing.boundary(fields.cells[drawing.cells_of(fields, "socket")], points)
-    axes.add_patch(PathPatch(limb, facecolor=LIMB, linewidth=0))
+    drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0)
     drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK)
-    axes.add_patch(PathPatch(socket, facecolor=drawing.SOCKET, linewidth=0))
-    inside = PathPatch(socket, facecolor=OVERLAP, linewidth=0)
-    axes.add_patch(inside)
+    drawing.draw_path(axes, socket, facecolor=drawing.SOCKET, linewidth=0)
+    inside = drawing.draw_path(axes, socket, facecolor=OVERLAP, linewidth=0)
     inside.set_clip_path(limb, axes.transData)
     for path in (limb, socket):
-        axes.add_patch(PathPatch(path, fill=False, edgecolor=drawing.OUTLINE, linewidth=0.4))
+        drawing.draw_path(axes, path, fill=False, edgecolor=drawing.OUTLINE, linewidth=0.4)
     outline = max(_areas(limb))
-    cavity = -min(_areas(socket))
+    cavity = min(_areas(socket))
     return 100 * (outline - cavity) / outline
 
 
 def _areas(path: Path) -> list[float]:
-    """Area within each closed curve of a path, mm^2, negative around a hole."""
+    """Area within each closed curve of a path, mm^2."""
     areas = []
     for polygon in path.to_polygons(closed_only=True):
         x, y = polygon.T
-        areas.append(0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
+        areas.append(0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))))
     return areas

@@ -18,7 +18,7 @@ from calfsocket.report.figures.style import add_axes, legend_at
 from calfsocket.report.results import Results, of_case
 from calfsocket.section_fields import SectionFields
 
-PIXELS = 1200  # of a panel: twice what 300 dpi show, for the PDF
+PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
 MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}
 MARKER = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.6}
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, PathPatch
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from calfsocket import drawing, pressure_band
@@ -38,7 +38,7 @@ def contact_pressure(results: Results) -> Figure:
         fields, band, contact = results.fields(*key), bands[key], contacts[key]
         points = drawing.deformed(fields)
         limb = drawing.limb_boundary(fields, points)
-        axes.add_patch(PathPatch(limb, facecolor=LIMB, linewidth=0, zorder=3))
+        drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0, zorder=3)
         drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK, zorder=4)
         band.draw(axes, levels, fontsize=6)
         smooth = running_mean(contact)
