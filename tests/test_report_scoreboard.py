@@ -172,6 +172,16 @@ def test_pressure_rises_or_falls(results):
     assert not finding.holds and "in HS the mean rises, the largest falls" in finding.why
 
 
+def test_a_tie_is_no_ranking(results):
+    # all pressures of the round limb rise by half
+    assert not CHECKS["C075"](Evidence(results)).holds
+    one = changed(results, ("TC", "combined"), "skin", "contact_pressure_max", 20.0)
+    two = changed(one, ("HS", "combined"), "skin", "contact_pressure_max", 16.0)
+    assert CHECKS["C075"](Evidence(two)).holds
+    three = changed(two, ("TSB", "combined"), "skin", "contact_pressure_max", 20.0)
+    assert "TSB > TC > HS" in CHECKS["C075"](Evidence(three)).why
+
+
 def test_parameters_other_than_table_1_are_named(tmp_path):
     keys = (("TC", "separate"),)
     study = write_results(tmp_path, limb_study(keys), Settings(size="coarse", fascia_c10="tables"))

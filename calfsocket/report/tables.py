@@ -20,6 +20,7 @@ STRAINS = ("amp_log_strain", "shear_log_strain")
 FLIP = "\N{RIGHTWARDS ARROW OVER LEFTWARDS ARROW}"
 MARK = "\N{DAGGER}"
 TIMES = "\N{MULTIPLICATION SIGN}"
+TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
 
 
 def build(results: Results, thresholds: Thresholds | None = None) -> list[Table]:
@@ -75,7 +76,7 @@ def _materials(results: Results) -> Table:
 def _maxima(n: int, title: str, maxima: pd.DataFrame, outcomes: Sequence[str]) -> Table:
     data = maxima[maxima.outcome.isin(outcomes)].reset_index(drop=True)
     paper = [
-        f"({number(value)}{mark}, {TIMES}{number(ratio)}{FLIP if flip else ''})"
+        f"({number(value)}{mark},{TOGETHER}{TIMES}{number(ratio)}{FLIP if flip else ''})"
         for value, mark, ratio, flip in zip(
             data.paper, _marks(data), data.ratio, data.sign_flip, strict=True
         )
@@ -196,7 +197,7 @@ def _pressure(results: Results, ours: pd.DataFrame) -> Table:
 def _damage(results: Results, thresholds: Thresholds | None) -> Table:
     data = damage(results, thresholds)
     text = [
-        f"{number(level)} ({number(area)} mm², {number(share)} %)"
+        f"{number(level)} ({number(area)}{TOGETHER}mm²,{TOGETHER}{number(share)}{TOGETHER}%)"
         for level, area, share in zip(
             data.level_pct, data.area_mm2, data.area_share_pct, strict=True
         )
