@@ -19,8 +19,6 @@ import calfsocket.forms
 from calfsocket.meshes import data
 data.load_limb()
 data.load_sockets()
-from calfsocket.report import published
-published.claims()
 """
 
 
