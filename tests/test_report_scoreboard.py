@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from calfsocket.case import Settings
+from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.report import comparison, published
 from calfsocket.report.changes import magnitude_change
 from calfsocket.report.claims.evidence import Evidence
@@ -171,12 +172,42 @@ def test_pressure_rises_or_falls(results):
     assert not finding.holds and "in HS the mean rises, the largest falls" in finding.why
 
 
+def test_a_tie_is_no_ranking(results):
+    # all pressures of the round limb rise by half
+    assert not CHECKS["C075"](Evidence(results)).holds
+    one = changed(results, ("TC", "combined"), "skin", "contact_pressure_max", 20.0)
+    two = changed(one, ("HS", "combined"), "skin", "contact_pressure_max", 16.0)
+    assert CHECKS["C075"](Evidence(two)).holds
+    three = changed(two, ("TSB", "combined"), "skin", "contact_pressure_max", 20.0)
+    assert "TSB > TC > HS" in CHECKS["C075"](Evidence(three)).why
+
+
 def test_parameters_other_than_table_1_are_named(tmp_path):
     keys = (("TC", "separate"),)
     study = write_results(tmp_path, limb_study(keys), Settings(size="coarse", fascia_c10="tables"))
     board = scoreboard(read_results(study)).set_index("id")
     assert board.verdict["C024"] == FAILS and board.verdict["C023"] == HOLDS
     assert "C10 is 0.491 MPa" in board.why["C024"]
+
+
+def test_other_choices_are_named(tmp_path):
+    frictionless = ContactParameters(fric_coeff=0.0)
+    settings = Settings(contact=frictionless, ogden_form="as-printed")
+    study = write_results(tmp_path, limb_study((("TC", "separate"),)), settings)
+    board = scoreboard(read_results(study)).set_index("id")
+    assert board.verdict["C002"] == board.verdict["C044"] == FAILS
+    # the paper's tables refute its equation (1) whichever form is solved
+    assert board.verdict["C038"] == FAILS and board.ours["C038"].startswith("form solved: as-print")
+    assert board.verdict["C021"] == HOLDS
+
+
+def test_muscle_beyond_its_threshold_in_one_socket_only(results):
+    assert not CHECKS["C091"](Evidence(results)).holds  # in none
+    key = ("HS", "separate")
+    one = changed(results, key, "muscle", "shear_log_strain", -60.0)
+    assert CHECKS["C091"](Evidence(one)).holds
+    both = changed(one, ("TC", "separate"), "muscle", "shear_log_strain", 51.0)
+    assert "above 50 %: TC, HS" in CHECKS["C091"](Evidence(both)).why
 
 
 def test_own_thresholds_change_the_verdicts_on_damage(results):

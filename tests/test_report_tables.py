@@ -15,7 +15,7 @@ from calfsocket.report import comparison, published, tables
 from calfsocket.report.damage import Thresholds, damage, gauss_areas, tensile_strain
 from calfsocket.report.results import Results, read_results
 from calfsocket.report.table import Table, change, number, spread
-from calfsocket.report.tables import TIMES
+from calfsocket.report.tables import TIMES, TOGETHER
 from report_results import ALL, contact_on_plate, limb_study, plate, write_results
 
 
@@ -229,7 +229,10 @@ def test_the_cell_of_table_2(results):
         .iloc[0]
     )
     flip = "⇄" if row.sign_flip else ""
-    assert cell == f"{number(row.ours)} (\N{MINUS SIGN}40.0†, {TIMES}{number(row.ratio)}{flip})"
+    assert (
+        cell
+        == f"{number(row.ours)} (\N{MINUS SIGN}40.0†,{TOGETHER}{TIMES}{number(row.ratio)}{flip})"
+    )
     assert any("impossible" in note and "HS, Separate" in note for note in made["table2"].notes)
 
 

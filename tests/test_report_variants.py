@@ -110,11 +110,11 @@ def test_claims_under_each_variant(tables):
 
 
 def test_dependence_on_a_choice(tables):
-    rows = tables["dependence"].set_index(["tissue", "outcome", "variant"])
-    muscle = rows.loc[("muscle", "effective_stress", "fascia-c10-tables")]
+    rows = tables["dependence"].set_index(["tissue", "outcome", "material_set", "variant"])
+    muscle = rows.loc[("muscle", "effective_stress", "combined", "fascia-c10-tables")]
     assert muscle["median"] == pytest.approx(2) and not muscle.robust
     assert muscle.low == pytest.approx(2) and muscle.high == pytest.approx(2)
-    skin = rows.loc[("skin", "effective_stress", "fascia-c10-tables")]
+    skin = rows.loc[("skin", "effective_stress", "separate", "fascia-c10-tables")]
     assert skin["median"] == pytest.approx(1) and skin.robust
     assert "base" not in rows.index.get_level_values("variant")
 

@@ -5,6 +5,9 @@ maxima are fragile: peaks of both directions are often nearly equal, and where f
 incompressible both principal strains have the same magnitude.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -24,9 +27,10 @@ MATERIALS = {
 }
 """Row of Table 1 -> material set and tissue of run.json."""
 
+_KEYS = {"mu1": "mu", "alpha1": "alpha"}  # others are the symbol in small letters
+
 # Inside a run, stresses are MPa; Table 1 prints these units.
-_PER_MPA = {"kPa": 1e3, "MPa": 1.0, "GPa": 1e-3}
-_MPA_PER_PA = 1e-6
+_PER_MPA = {"kPa": 1e3, "MPa": 1.0, "GPa": 1e-3, "1/Pa": 1e-6, "": 1.0}
 
 
 def compare(ours: float, paper: float) -> dict[str, object]:
@@ -58,20 +62,14 @@ def materials(results: Results) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def parameter(laws: dict, material: str, symbol: str, unit: str) -> float:
+def parameter(
+    laws: Mapping[str, Mapping[str, Mapping[str, Any]]], material: str, symbol: str, unit: str
+) -> float:
     """Give a law's parameter in the unit that Table 1 prints; NaN where the law has none of it."""
     material_set, tissue = MATERIALS[material]
-    law = laws[material_set][tissue]
-    value = law.get(
-        symbol.removesuffix("1").lower() if symbol in ("mu1", "alpha1") else symbol.lower()
-    )
-    if isinstance(value, list):
-        value = value[0]
-    if value is None:
-        return np.nan
-    if unit == "1/Pa":
-        return value * _MPA_PER_PA
-    return value * _PER_MPA.get(unit, 1.0)
+    value = laws[material_set][tissue].get(_KEYS.get(symbol, symbol.lower()), np.nan)
+    first = value[0] if isinstance(value, list) else value
+    return first * _PER_MPA[unit]
 
 
 def maxima(results: Results) -> pd.DataFrame:

@@ -1,7 +1,7 @@
 """A study under the choices that the paper leaves open: what is robust, what hangs on a choice.
 
 Ratios are of magnitudes, a variant's over the base's, of outcomes of the same socket and material
-set; an outcome of a tissue is summed up by the median over sockets and sets, and their range.
+set; an outcome of a tissue in one set is summed up by the median over sockets, and their range.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from calfsocket.report import names
 from calfsocket.report.damage import Thresholds
 from calfsocket.report.results import RUN_FILE, Results, read_results
 from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, counts, scoreboard
-from calfsocket.report.table import Table, number
+from calfsocket.report.table import Table, number, spread
 from calfsocket.report.tables import FOLDER as TABLES_FOLDER
 from calfsocket.report.tables import TIMES
 
@@ -30,6 +30,7 @@ MARKS = {HOLDS: "\N{CHECK MARK}", FAILS: "\N{MULTIPLICATION SIGN}", UNCHECKED: "
 
 _CASE = ["socket", "material_set"]
 _OUTCOME = ["tissue", "outcome"]
+_ROW = [*_OUTCOME, "material_set"]
 
 
 @dataclass(frozen=True)
@@ -119,16 +120,16 @@ def dependence(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a tissue, outcome and variant other than the base: median, low and high of the
-        ratio over sockets and sets, and `robust`: whether the median is within `ROBUST` of 1.
+        One row a tissue, outcome, material set and variant other than the base: median, low and
+        high of the ratio over sockets, and `robust`: whether the median is within `ROBUST` of 1.
     """
     rows = []
     changed = table[(table.variant != BASE)].dropna(subset="ratio")
-    for key, group in changed.groupby([*_OUTCOME, "variant"], sort=False):
+    for key, group in changed.groupby([*_ROW, "variant"], sort=False):
         median = group.ratio.median()
         rows.append(
             {
-                **dict(zip([*_OUTCOME, "variant"], key, strict=True)),
+                **dict(zip([*_ROW, "variant"], key, strict=True)),
                 "median": median,
                 "low": group.ratio.min(),
                 "high": group.ratio.max(),
@@ -197,16 +198,17 @@ def _dependence_table(data: pd.DataFrame) -> Table:
         dtype=object,
     )
     words = data.assign(
-        tissue=data.tissue.map(names.TISSUES), outcome=data.outcome.map(names.OUTCOMES), text=text
+        tissue=data.tissue.map(names.TISSUES),
+        outcome=data.outcome.map(names.OUTCOMES),
+        material_set=data.material_set.map(names.SETS),
     )
-    words = words[words.outcome.notna()]
-    shown = words.pivot(index=_OUTCOME, columns="variant", values="text").fillna("")
-    order = words[_OUTCOME].drop_duplicates()
+    known = words.outcome.notna()
     return Table(
         "dependence",
         "Which outcome depends on which choice",
-        "Magnitude under the choice over that of the base: median over sockets and material sets, "
-        f"and range. *: the median moves by more than {100 * (ROBUST - 1):.0f} %.",
+        "Magnitude under the choice over that of the base: median over sockets, and range. *: the "
+        f"median moves by more than {100 * (ROBUST - 1):.0f} %. C10 of fascia does not enter "
+        "Combined.",
         data,
-        shown.loc[pd.MultiIndex.from_frame(order)],
+        spread(words[known], _ROW, ["variant"], text[known]),
     )

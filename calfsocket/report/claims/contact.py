@@ -1,6 +1,6 @@
 """Claims on the pressure between skin and socket."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -113,7 +113,7 @@ def ranking_of_rises(e: Evidence) -> Finding:
     rises = {socket: _rise(e, socket) for socket in SOCKETS}
     order = sorted(rises, key=lambda socket: -rises[socket])
     return Finding(
-        tuple(order) == SOCKETS,
+        all(rises[a] > rises[b] for a, b in pairwise(SOCKETS)),
         _list(rises),
         "TC > TSB > HS",
         f"it ranks {' > '.join(order)}",
