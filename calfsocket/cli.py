@@ -8,6 +8,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -37,6 +38,8 @@ examples:
   python3 -m calfsocket --size coarse --out quick       the same on a coarse mesh
   python3 -m calfsocket --sockets TC,HS --materials separate
   mpirun -n 2 python3 -m calfsocket                     two cases side by side
+  python3 -m calfsocket --size coarse --variants        what depends on choices of the model
+  python3 -m calfsocket report results                  tables, figures and page again
   python3 -m calfsocket mesh --socket HS --out hs.msh   only a mesh, with a table of its quality
 
 results:
@@ -44,6 +47,7 @@ results:
   contact.csv    contact pressure, friction and gap along the skin
   steps.csv      load steps and Newton iterations
   run.json       inputs, versions, checks and timings
+  report.html    all of it on one page, beside the paper's numbers; tables/, figures/
   TC_separate/   fields.vtu (for ParaView), contact.csv and picture.png of a case
 
 Every option of PETSc can be set with its name after -calfsocket_, e.g. -calfsocket_snes_monitor.
@@ -191,6 +195,12 @@ def _study_parser(program: str) -> _Parser:
     what.add_argument(
         "--friction", type=float, default=0.4, metavar="MU", help="coefficient (default: 0.4)"
     )
+    what.add_argument(
+        "--variants",
+        action="store_true",
+        help="solve the study also with each choice that the paper leaves open changed (held "
+        "socket, C10, friction 0, Ogden form), into DIR/variants/, and compare",
+    )
     how = parser.add_argument_group("how to run")
     how.add_argument(
         "--out", type=Path, default=Path("results"), metavar="DIR", help="default: %(default)s"
@@ -205,6 +215,7 @@ def _study_parser(program: str) -> _Parser:
         help="ranks that solve one case together (default: cases side by side)",
     )
     how.add_argument("--no-pictures", action="store_true", help="do not draw the cases")
+    how.add_argument("--no-report", action="store_true", help="do not write the report at the end")
 
     return parser
 
@@ -225,6 +236,23 @@ def _picture_parser(program: str) -> _Parser:
     return parser
 
 
+def _report_parser(program: str) -> _Parser:
+    parser = _Parser(
+        prog=program,
+        description="Write tables, figures, the scoreboard and report.html of a study, from its "
+        "files alone; a study that is not complete gets what it allows.",
+    )
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="e.g. results")
+    limits = parser.add_argument_group("damage thresholds, % (default: the paper's)")
+    limits.add_argument(
+        "--muscle-shear", type=float, default=50.0, metavar="PCT", help="default: %(default)g"
+    )
+    limits.add_argument(
+        "--fascia-strain", type=float, default=27.0, metavar="PCT", help="default: %(default)g"
+    )
+    return parser
+
+
 def _warm_parser(program: str) -> _Parser:
     return _Parser(prog=program, description="Compile all forms now rather than in the first run.")
 
@@ -236,11 +264,12 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.logging import RichHandler
 
+    from calfsocket import variants
     from calfsocket.case import Case, Settings
     from calfsocket.contact.nitsche import ContactParameters
     from calfsocket.meshes.data import load_limb, load_sockets
     from calfsocket.meshes.sizing import mesh_size
-    from calfsocket.study import MATERIAL_SETS, Study, check_folder, run_study, select
+    from calfsocket.study import MATERIAL_SETS, Study, attempt, check_folder, run_study, select
 
     mesh_size(arguments.size)
     if not (math.isfinite(arguments.friction) and arguments.friction >= 0):
@@ -267,7 +296,9 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
         out=arguments.out,
         pictures=not arguments.no_pictures,
     )
-    _on_first_rank(comm, lambda: check_folder(study, arguments.overwrite))
+    studies = variants.studies(study) if arguments.variants else [study]
+    for each in studies:
+        _on_first_rank(comm, partial(check_folder, each, arguments.overwrite))
     console = Console(stderr=True)
     if comm.rank == 0:
         if console.is_terminal:
@@ -276,8 +307,18 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
             handler = logging.StreamHandler()
             handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
         logging.basicConfig(level=logging.INFO, handlers=[handler])
-    solved = run_study(comm, study, arguments.ranks_per_case, console)
-    return OK if solved else CASE_FAILED
+    solved = []
+    for each in studies:
+        logging.info("results go to %s", each.out)
+        solved.append(run_study(comm, each, arguments.ranks_per_case, console))
+    if comm.rank == 0 and not arguments.no_report:
+        from calfsocket.report.writing import write_report
+
+        # the base comes first, and its page compares all variants: they are all there now
+        for each in studies:
+            with attempt(f"no report in {each.out}"):
+                logging.info("report: %s", write_report(each.out))
+    return OK if all(solved) else CASE_FAILED
 
 
 def _on_first_rank(comm: "MPI.Intracomm", task: Callable[[], None]) -> None:
@@ -314,6 +355,15 @@ def _picture(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
             "name the folder of a solved case, e.g. results/TC_separate"
         )
     _on_first_rank(comm, lambda: print(picture.draw(arguments.folder)))
+    return OK
+
+
+def _report(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    from calfsocket.report.damage import Thresholds
+    from calfsocket.report.writing import write_report
+
+    thresholds = Thresholds(arguments.muscle_shear, arguments.fascia_strain)
+    _on_first_rank(comm, lambda: print(write_report(arguments.folder, thresholds)))
     return OK
 
 
@@ -373,6 +423,7 @@ Action = Callable[["MPI.Intracomm", argparse.Namespace], int]
 COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
     "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),
     "picture": (_picture, _picture_parser, "draw a solved case again"),
+    "report": (_report, _report_parser, "tables, figures and page of a solved study"),
     "verify": (_verify, _verify_parser, "solve problems with known answers, and say how well"),
     "warm": (_warm, _warm_parser, "compile all forms now rather than at the first run"),
 }

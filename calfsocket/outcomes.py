@@ -14,7 +14,9 @@ points, before any averaging: averaged, one cell's spike would lend itself to it
 common edge's midpoint is the site.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,6 +32,8 @@ UNITS = {
     "shear_log_strain": "%",
     "pressure": "kPa",
 }
+# Components with a direction: the larger magnitude counts, with its sign.
+SIGNED = ("shear_stress", "amp_log_strain", "shear_log_strain")
 SUMMARY_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
 SUMMARY_COLUMNS = (
     "socket",
@@ -149,6 +153,17 @@ def _sign(signed: NDArray[np.float64], magnitude: NDArray[np.float64]) -> NDArra
     return np.where(signed < -1e-9 * magnitude, -1.0, 1.0)
 
 
+def node_average(
+    fields: SectionFields,
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Give the function that averages nodal values (n_cells, 6) over the cells of one tissue."""
+    node_of_tissue = fields.cells * len(TISSUES) + fields.tissue[:, None]
+    _, inverse = np.unique(node_of_tissue, return_inverse=True)
+    inverse = inverse.reshape(fields.cells.shape)
+    count = np.bincount(inverse.ravel())
+    return lambda values: (np.bincount(inverse.ravel(), values.ravel()) / count)[inverse]
+
+
 def cell_outcomes(fields: SectionFields) -> CellOutcomes:
     """Outcomes at the nodes, averaged within each tissue, and the means over the cells."""
     strain = log_strain(fields.deformation_gradient)
@@ -156,14 +171,7 @@ def cell_outcomes(fields: SectionFields) -> CellOutcomes:
     nodes = _outcomes(
         EXTRAPOLATION @ fields.stress, EXTRAPOLATION @ strain, fields.pressure @ EXTRAPOLATION.T
     )
-    node_of_tissue = fields.cells * len(TISSUES) + fields.tissue[:, None]
-    _, inverse = np.unique(node_of_tissue, return_inverse=True)
-    inverse = inverse.reshape(fields.cells.shape)
-    count = np.bincount(inverse.ravel())
-
-    def average(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (np.bincount(inverse.ravel(), values.ravel()) / count)[inverse]
-
+    average = node_average(fields)
     nodal = {name: average(values) for name, values in nodes.items()}
     mean = {name: values.mean(axis=1) for name, values in gauss.items()}
     amp = "amp_log_strain"
@@ -226,6 +234,25 @@ def pair_levels(nodal: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArra
     return np.minimum(fifth_largest, mean.min(axis=1))
 
 
+def signed_levels(outcomes: CellOutcomes, pairs: Neighbours, outcome: str) -> NDArray[np.float64]:
+    """Level of an outcome that each pair of neighbours holds, in `UNITS`, (n_pairs,).
+
+    Stress and strain components are looked at in both directions, and the larger magnitude counts,
+    with its sign; a pair that holds neither direction holds 0. amp_log_strain counts by its
+    magnitude, with the sign that prevails in the two cells; pressure in compression.
+    """
+    nodal = outcomes.nodal[outcome].ravel()[pairs.corner]
+    mean = outcomes.mean[outcome][pairs.cells]
+    if outcome == "amp_log_strain":
+        magnitude = np.abs(mean)
+        sign = _sign(mean.sum(axis=1), magnitude.sum(axis=1))
+        return sign * pair_levels(np.abs(nodal), magnitude)
+    if outcome in SIGNED:
+        up, down = pair_levels(nodal, mean), pair_levels(-nodal, -mean)
+        return np.where(down > up, -1.0, 1.0) * np.maximum(np.maximum(up, down), 0.0)
+    return pair_levels(nodal, mean)
+
+
 @dataclass(frozen=True)
 class Maximum:
     """Level held by a tissue, and its site in the reference section (mm)."""
@@ -236,51 +263,59 @@ class Maximum:
     region: str
 
 
-def _first_largest(values: NDArray[np.float64]) -> int:
+def first_largest(values: NDArray[np.float64]) -> int:
     """Lowest index among values equal to the largest but for rounding."""
     largest = values.max()
     return int(np.argmax(values >= largest - 1e-9 * abs(largest)))
 
 
+def _pairs_of(fields: SectionFields, pairs: Neighbours, tissue: str) -> NDArray[np.int64]:
+    return np.flatnonzero(fields.tissue[pairs.cells[:, 0]] == TISSUES.index(tissue))
+
+
 def maximum(
+    fields: SectionFields, outcomes: CellOutcomes, pairs: Neighbours, tissue: str, outcome: str
+) -> Maximum:
+    """Level of an outcome in a tissue by the rule at the top of this file.
+
+    It is the one of `signed_levels` with the largest magnitude (the largest pressure). A tissue
+    without two neighbouring cells holds no level: NaN.
+    """
+    inside = _pairs_of(fields, pairs, tissue)
+    if not len(inside):
+        return Maximum(np.nan, np.nan, np.nan, "")
+    levels = signed_levels(outcomes, pairs, outcome)[inside]
+    pair = first_largest(np.abs(levels) if outcome in SIGNED else levels)
+    cells = pairs.cells[inside[pair]]
+    mean = outcomes.mean[outcome][cells]
+    fuller = cells[first_largest(np.abs(mean) if outcome in SIGNED else mean)]
+    x_mm, y_mm = fields.points[pairs.edge_node[inside[pair]]]
+    return Maximum(
+        value=float(levels[pair]),
+        x_mm=float(x_mm),
+        y_mm=float(y_mm),
+        region=fields.region_names[int(fields.region[fuller])],
+    )
+
+
+def level_at(
     fields: SectionFields,
     outcomes: CellOutcomes,
     pairs: Neighbours,
     tissue: str,
     outcome: str,
-) -> Maximum:
-    """Level of an outcome in a tissue by the rule at the top of this file.
+    site_mm: tuple[float, float],
+) -> float:
+    """Level that the tissue's pair nearest to a site of the reference section holds.
 
-    Stress and strain components are looked at in both directions, and the larger magnitude
-    counts, with its sign; amp_log_strain by its magnitude, with the sign that prevails in the two
-    cells; pressure in compression. A tissue without two neighbouring cells holds no level: NaN.
+    At the site of its own maximum a case holds that maximum. The limb's mesh is the same in both
+    material sets, so that there the pair is the same, too.
     """
-    inside = fields.tissue[pairs.cells[:, 0]] == TISSUES.index(tissue)
-    if not inside.any():
-        return Maximum(np.nan, np.nan, np.nan, "")
-    cells = pairs.cells[inside]
-    nodal = outcomes.nodal[outcome].ravel()[pairs.corner[inside]]
-    mean = outcomes.mean[outcome][cells]
-    if outcome == "amp_log_strain":
-        magnitude = np.abs(mean)
-        sign = _sign(mean.sum(axis=1), magnitude.sum(axis=1))
-        directions = [(sign, np.abs(nodal), magnitude)]
-    elif outcome.startswith("shear"):
-        directions = [(s * np.ones(len(cells)), s * nodal, s * mean) for s in (1.0, -1.0)]
-    else:
-        directions = [(np.ones(len(cells)), nodal, mean)]
-    levels = [pair_levels(nodal, mean) for _, nodal, mean in directions]
-    best = _first_largest(np.array([level.max() for level in levels]))
-    sign, _, mean = directions[best]
-    pair = _first_largest(levels[best])
-    x_mm, y_mm = fields.points[pairs.edge_node[inside][pair]]
-    fuller = cells[pair, _first_largest(mean[pair])]
-    return Maximum(
-        value=float(sign[pair] * levels[best][pair]),
-        x_mm=float(x_mm),
-        y_mm=float(y_mm),
-        region=fields.region_names[int(fields.region[fuller])],
-    )
+    inside = _pairs_of(fields, pairs, tissue)
+    if not len(inside):
+        return np.nan
+    distance = np.linalg.norm(fields.points[pairs.edge_node[inside]] - site_mm, axis=1)
+    return float(signed_levels(outcomes, pairs, outcome)[inside[np.argmin(distance)]])
 
 
 def running_mean(contact: ContactLine, window_mm: float = RUNNING_MEAN_MM) -> NDArray[np.float64]:
@@ -317,7 +352,7 @@ def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[fl
     return float(x), float(y), fields.region_names[int(region[cell])]
 
 
-def contact_rows(fields: SectionFields, contact: ContactLine) -> list[dict[str, object]]:
+def contact_rows(fields: SectionFields, contact: ContactLine) -> list[dict[str, Any]]:
     """Contact pressure on the skin, as rows of the summary.
 
     contact_pressure_max: largest 3 mm running mean along the skin, which drops single spikes.
@@ -325,7 +360,7 @@ def contact_rows(fields: SectionFields, contact: ContactLine) -> list[dict[str, 
     contact_share: that part's share of the outline, %.
     """
     smooth = running_mean(contact)
-    peak = _first_largest(smooth)
+    peak = first_largest(smooth)
     touching = contact.status != "open"
     share = contact.weight_mm[touching].sum() / contact.weight_mm.sum()
     mean = (

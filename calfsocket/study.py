@@ -3,10 +3,11 @@
 import hashlib
 import importlib.metadata
 import json
+import logging
 import platform
 import time
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ from calfsocket.tissues import MATERIAL_SETS
 KEY = ("socket", "material_set")
 RUN_FILE = "run.json"
 TABLES = ("summary.csv", "contact.csv", "steps.csv")
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -229,8 +232,8 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
             rows[-1]["negative_modes"] = checks["negative_modes"]
             _merge(study, "steps.csv", pd.DataFrame(rows))
         if study.pictures:
-            with run.phase("picture"):
-                picture.draw_in_subprocess(study.out / case.name)
+            with run.phase("picture"), attempt(f"no picture of {case.name}"):
+                picture.draw(study.out / case.name)
     load = float(run.model.contact.load)
     warnings = run.warnings(checks)
     text = run.failure or "; ".join(["solved", *warnings])
@@ -243,6 +246,15 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
         "seconds": run.seconds,
         **checks,
     }
+
+
+@contextmanager
+def attempt(what: str) -> Iterator[None]:
+    """Turn a failure into a warning: results that are solved and written must not be lost."""
+    try:
+        yield
+    except Exception as error:
+        log.warning("%s: %s: %s", what, type(error).__name__, error)
 
 
 def _write_case(study: Study, case: Case, fields: SectionFields, line: ContactLine) -> None:

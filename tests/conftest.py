@@ -1,6 +1,7 @@
 """Shared by all tests: order among MPI ranks, and programs run on several ranks."""
 
 import gc
+import json
 import os
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
@@ -52,3 +53,32 @@ def mpirun(tmp_path: Path) -> Callable[..., str]:
         return output
 
     return run
+
+
+@pytest.fixture(scope="session")
+def six_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of six hand-made runs, with their report."""
+    from calfsocket.report.writing import write_report
+    from report_results import limb_study, write_results
+
+    folder = write_results(tmp_path_factory.mktemp("six"), limb_study())
+    write_report(folder)
+    return folder
+
+
+WHY = "load 0.3 & no <script>alert(1)</script>"
+
+
+@pytest.fixture(scope="session")
+def one_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of one hand-made run, unstable, beside one that failed for `WHY`; with report."""
+    from calfsocket.report.writing import write_report
+    from report_results import limb_study, write_results
+
+    folder = tmp_path_factory.mktemp("one")
+    write_results(folder, limb_study((("HS", "separate"),)), failed={"HS_combined": WHY})
+    run = json.loads((folder / "run.json").read_text())
+    run["cases"]["HS_separate"] |= {"negative_modes": 2, "warnings": ["unstable equilibrium"]}
+    (folder / "run.json").write_text(json.dumps(run))
+    write_report(folder)
+    return folder

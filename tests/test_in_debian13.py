@@ -115,14 +115,6 @@ def eventually(true: Callable[[], bool], seconds: float = 10) -> bool:
     return done
 
 
-def runs(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except FileNotFoundError:
-        return False
-    return state != "Z"
-
-
 # ----- how it is called
 
 
@@ -196,33 +188,14 @@ def test_the_environment_is_debians_own(machine: Machine) -> None:
     assert inside["OMP_NUM_THREADS"] == "1"
 
 
-X_SERVER = 'for p in /proc/[0-9]*; do grep -sqz Xvfb $p/cmdline && grep -sq "PPid:.$$" $p/status'
-X_SERVER += " && echo ${p#/proc/}; done;"
-
-
-def test_the_x_server_ends_with_the_command(machine: Machine) -> None:
-    done = machine.run("sh", "-c", X_SERVER)
-    assert done.returncode in (0, 1)
-    pid = int(done.stdout)
-    assert eventually(lambda: not runs(pid))
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
-def test_signals_end_the_command_and_the_x_server(machine: Machine, number: int) -> None:
-    process = machine.start("sh", "-c", f"{X_SERVER} exec sleep 300")
+def test_signals_reach_the_command(machine: Machine, number: int) -> None:
+    process = machine.start("sh", "-c", "echo started; exec sleep 300")
     assert process.stdout is not None
-    pid = int(process.stdout.readline())
-    assert runs(pid)
+    assert process.stdout.readline() == "started\n"
     process.send_signal(number)
     process.communicate(timeout=10)
     assert process.returncode == -number
-    assert eventually(lambda: not runs(pid))
-
-
-def test_vtk_draws_into_the_x_server(machine: Machine) -> None:
-    draw = "import pyvista as p; t = p.Plotter(); t.add_mesh(p.Cube()); print(t.screenshot().std())"
-    done = machine.run("python3", "-c", draw)
-    assert float(done.stdout) > 1, done.stderr
 
 
 @pytest.fixture

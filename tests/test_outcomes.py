@@ -15,6 +15,7 @@ from calfsocket.outcomes import (
     cell_outcomes,
     contact_rows,
     effective_stress,
+    level_at,
     log_strain,
     maximum,
     neighbours,
@@ -265,6 +266,26 @@ def test_region_is_that_of_the_fuller_cell():
     fields = with_stress(fields, [-5, -6])
     held = maximum(fields, cell_outcomes(fields), neighbours(fields), "fascia", "shear_stress")
     assert (held.value, held.region) == (pytest.approx(-5), "t")
+
+
+def test_level_at_a_site_is_that_of_its_pair():
+    fields = plate(3, 3)
+    nodes = dict.fromkeys(fields.cells[[0, 1]].ravel(), 5.0)
+    nodes |= dict.fromkeys(fields.cells[[16, 17]].ravel(), -8.0)
+    outcomes = outcomes_with(fields, nodes, {0: 5.0, 1: 5.0, 16: -8.0, 17: -8.0})
+    case = (fields, outcomes, neighbours(fields), "muscle", "shear_stress")
+    assert level_at(*case, (0.5, 0.5)) == 5
+    assert level_at(*case, (2.4, 2.6)) == -8  # the nearest common edge is that at (2.5, 2.5)
+    assert np.isnan(level_at(fields, outcomes, neighbours(fields), "fat", "shear_stress", (0, 0)))
+
+
+def test_a_pair_that_holds_neither_direction_holds_0():
+    fields = plate(1, 1)
+    # five nodes of nine reach 3, but one cell's mean is -1: neither 3 nor -1 is held by both
+    nodes = dict.fromkeys(fields.cells[0], 3.0) | {fields.cells[1, 1]: -2.0}
+    outcomes = outcomes_with(fields, nodes, {0: 3.0, 1: -1.0})
+    case = (fields, outcomes, neighbours(fields), "muscle", "shear_stress")
+    assert level_at(*case, (0.5, 0.5)) == 0
 
 
 def test_a_tissue_of_one_cell_holds_no_level():

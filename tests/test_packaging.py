@@ -17,8 +17,12 @@ VERSION = f"calfsocket {calfsocket.__version__}"
 READ_DATA = """
 import calfsocket.forms
 from calfsocket.meshes import data
+from calfsocket.report import page, published, writing
 data.load_limb()
 data.load_sockets()
+published.claims()
+page.read_template("report.html")
+page.read_template("report.css")
 """
 
 
@@ -101,7 +105,7 @@ def test_the_wheel_holds_every_module_and_data_file(sources: Path, wheel: Path) 
         Path(place) / path.relative_to(sources / folder)
         for folder, place in places.items()
         for path in (sources / folder).rglob("*")
-        if path.suffix in {".py", ".json"}
+        if path.suffix in {".py", ".json", ".csv", ".html", ".css"}
     }
     with zipfile.ZipFile(wheel) as archive:
         packed = {Path(name) for name in archive.namelist() if "dist-info" not in name}

@@ -128,6 +128,12 @@ def test_picture_is_drawn(results):
     assert min(picture.dimensions[:2]) >= 1500
 
 
+def test_report_is_written_at_the_end(results):
+    assert (results / "report.html").read_text().count("<h2>") > 5
+    assert (results / "tables" / "scoreboard.csv").is_file()
+    assert (results / "figures" / "figure4_effective_stress.pdf").is_file()
+
+
 def test_results_of_other_settings_are_not_overwritten(results, capsys):
     before = (results / "summary.csv").read_bytes()
     words = ["--size", "coarse", "--sockets", "TSB", "--friction", "0.3", "--out", str(results)]

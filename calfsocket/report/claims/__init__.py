@@ -1,0 +1,14 @@
+"""The paper's claims, each with a function that checks it against the model and the runs.
+
+Importing this package registers them all.
+"""
+
+from calfsocket.report.claims import (  # noqa: F401
+    changes,
+    contact,
+    geometry,
+    materials,
+    maxima,
+    method,
+    risk,
+)

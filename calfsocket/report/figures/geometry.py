@@ -1,0 +1,185 @@
+"""Figures 1 and 2: the section with its regions named, and the sockets laid over the limb."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from calfsocket import drawing
+from calfsocket.report.figures.panels import LARGEST_PANEL_MM, TOP_MM, window_around
+from calfsocket.report.figures.style import (
+    WIDTH_MM,
+    add_axes,
+    compass,
+    height_mm,
+    legend_at,
+    new_figure,
+    socket_title,
+)
+from calfsocket.report.results import Results
+from calfsocket.section_fields import SectionFields
+
+# Told apart by hue, and by lightness for colour-blind eyes.
+TISSUE_COLOURS = {
+    "skin": "#c98d6b",
+    "fat": "#f8e9b0",
+    "fascia": "#6f7f8f",
+    "muscle": "#dc9a92",
+    "vessel": "#2a5d9c",
+    "bone": "#efede6",
+}
+LIMB = "#d9d9d9"
+BONE_DARK = "#8c8c8c"
+OVERLAP = "#d55e00"
+EDGE = {"edgecolor": "black", "linewidth": 0.4}
+
+ROOM_FOR_NUMBER_MM = 2.2  # radius that a number of two digits needs
+
+
+def regions(results: Results) -> Figure:
+    """Draw the unloaded limb, its tissues in colour, with a number and a name for every region."""
+    fields = results.fields(*results.cases[0])
+    limb = drawing.cells_of(fields, *drawing.SOFT_TISSUES, "bone")
+    points = fields.points
+    window = window_around(points[np.unique(fields.cells[limb])], margin_mm=1.0)
+    size = 112.0  # mm of paper
+    height = size * (window[3] - window[2]) / (window[1] - window[0])
+    figure = new_figure(height)
+    axes = add_axes(figure, 0, 0, size, height)
+    drawing.frame(axes, window)
+    for tissue, colour in TISSUE_COLOURS.items():
+        drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
+    names = _by_tissue(fields)
+    drawing.draw_outlines(axes, fields, points, names, linewidth=0.4, zorder=3)
+    for number, place, target in _number_places(fields, names):
+        if target is not None:
+            axes.plot(*zip(place, target, strict=True), color="black", linewidth=0.5, zorder=4)
+        axes.text(*place, str(number), ha="center", va="center", fontsize=6.5, zorder=5,
+                  path_effects=[withStroke(linewidth=1.6, foreground="white")])  # fmt: skip
+    drawing.scale_bar(axes, window, fontsize=6.5, margin=0.5)
+    _draw_names(figure, fields, names, left=size + 4)
+    compass(figure)
+    return figure
+
+
+def _by_tissue(fields: SectionFields) -> list[int]:
+    """Region ids of the limb, tissue by tissue, in the order of their ids."""
+    ids = [i for i in map(int, np.unique(fields.region)) if fields.region_tissues[i] != "socket"]
+    order = list(TISSUE_COLOURS)
+    return sorted(ids, key=lambda i: (order.index(fields.region_tissues[i]), i))
+
+
+def _number_places(
+    fields: SectionFields, ids: list[int]
+) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]]:
+    """Give number, place, and for regions too small for it the point that a line leads to.
+
+    A number stands where its region is widest. That of a small one stands beside it, at the place
+    within reach that is farthest from all outlines and from the other numbers.
+    """
+    nodes = {i: fields.cells[fields.region == i] for i in ids}
+    outlines = cKDTree(
+        np.vstack([drawing.boundary(nodes[i], fields.points).interpolated(3).vertices for i in ids])
+    )
+    placed: list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]] = []
+    small: list[tuple[int, NDArray[np.float64]]] = []
+    for number, region in enumerate(ids, start=1):
+        inside = fields.points[np.unique(nodes[region])]
+        room, _ = outlines.query(inside)
+        widest = inside[np.argmax(room)]
+        if room.max() > ROOM_FOR_NUMBER_MM or fields.region_tissues[region] != "vessel":
+            placed.append((number, widest, None))
+        else:
+            small.append((number, widest))
+    angle = np.radians(np.arange(0, 360, 7.5))
+    around = np.column_stack([np.cos(angle), np.sin(angle)])
+    reach = np.vstack([radius * around for radius in (4.5, 6.0, 7.5, 9.0)])
+    for number, target in small:
+        places = target + reach
+        to_outline, _ = outlines.query(places)
+        to_number, _ = cKDTree([place for _, place, _ in placed]).query(places)
+        room = np.minimum(to_outline, 0.5 * to_number)
+        best = np.argmax(np.minimum(room, ROOM_FOR_NUMBER_MM))
+        placed.append((number, places[best], target))
+    return placed
+
+
+def _draw_names(figure: Figure, fields: SectionFields, ids: list[int], left: float) -> None:
+    """Write the key, right of `left` (mm): tissues with their colours, numbers with their names."""
+    width, height = WIDTH_MM - left, height_mm(figure)
+    axes = add_axes(figure, left, 0, width, height)
+    drawing.frame(axes, (0, width, 0, height))
+    y, step = height - 3.0, 3.1  # mm
+    tissue = ""
+    for number, region in enumerate(ids, start=1):
+        if fields.region_tissues[region] != tissue:
+            tissue = fields.region_tissues[region]
+            y -= 0.4 * step
+            swatch = Rectangle((0, y - 1.1), 4.0, 2.2, facecolor=TISSUE_COLOURS[tissue], **EDGE)
+            axes.add_patch(swatch)
+            axes.text(5.5, y, tissue, fontsize=7.5, weight="bold", va="center")
+            y -= step
+        axes.text(4.0, y, str(number), fontsize=7, va="center", ha="right")
+        axes.text(5.5, y, fields.region_names[region].replace("_", " "), fontsize=7, va="center")
+        y -= step
+
+
+def overlays(results: Results) -> Figure:
+    """Draw the limb and each socket before contact, and where they overlap."""
+    section = {socket: results.fields(socket, name) for socket, name in reversed(results.cases)}
+    window = window_around(*(fields.points for fields in section.values()), margin_mm=1.0)
+    width = min(WIDTH_MM / len(section), LARGEST_PANEL_MM)
+    height = width * (window[3] - window[2]) / (window[1] - window[0])
+    bottom = 22.0
+    figure = new_figure(TOP_MM + height + bottom)
+    indent = 0.5 * (WIDTH_MM - width * len(section))
+    for j, socket in enumerate(results.sockets):
+        axes = add_axes(figure, indent + j * width, bottom, width, height)
+        drawing.frame(axes, window)
+        axes.set_title(socket_title(socket), pad=3)
+        lost = _draw_overlay(axes, section[socket])
+        axes.text(
+            0.5, -0.01, f"encloses {lost:.2f} % less area", transform=axes.transAxes,
+            ha="center", va="top", fontsize=7,
+        )  # fmt: skip
+        if j == 0:
+            drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
+    areas = [
+        Patch(color=LIMB, label="limb"),
+        Patch(color=BONE_DARK, label="bone"),
+        Patch(color=drawing.SOCKET, label="socket"),
+        Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"),
+    ]
+    legend_at(figure, 3.0, 6.0, areas)
+    compass(figure)
+    return figure
+
+
+def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
+    """Draw limb and socket as meshed; return the share of area that the socket takes, %."""
+    points = fields.points
+    limb = drawing.limb_boundary(fields, points)
+    socket = drawing.boundary(fields.cells[drawing.cells_of(fields, "socket")], points)
+    drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0)
+    drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK)
+    drawing.draw_path(axes, socket, facecolor=drawing.SOCKET, linewidth=0)
+    inside = drawing.draw_path(axes, socket, facecolor=OVERLAP, linewidth=0)
+    inside.set_clip_path(limb, axes.transData)
+    for path in (limb, socket):
+        drawing.draw_path(axes, path, fill=False, edgecolor=drawing.OUTLINE, linewidth=0.4)
+    outline = max(_areas(limb))
+    cavity = min(_areas(socket))
+    return 100 * (outline - cavity) / outline
+
+
+def _areas(path: Path) -> list[float]:
+    """Area within each closed curve of a path, mm^2."""
+    areas = []
+    for polygon in path.to_polygons(closed_only=True):
+        x, y = polygon.T
+        areas.append(0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))))
+    return areas

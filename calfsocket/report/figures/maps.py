@@ -1,0 +1,126 @@
+"""Figures 4 and 7: a field over the deformed section, material sets by sockets."""
+
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from calfsocket import drawing
+from calfsocket.outcomes import SUMMARY_TISSUES
+from calfsocket.report.figures.panels import case_panels, window_around
+from calfsocket.report.figures.style import add_axes, legend_at
+from calfsocket.report.results import Results, of_case
+from calfsocket.section_fields import SectionFields
+
+PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
+MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}
+MARKER = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.6}
+
+
+@dataclass(frozen=True)
+class Map:
+    """A field, its limits, and its colours below, within and above them."""
+
+    outcome: str
+    label: str
+    low: float
+    high: float
+    colours: str
+    beyond: str
+
+    @property
+    def shades(self) -> Colormap:
+        """Colours within and beyond the limits."""
+        shades = matplotlib.colormaps[self.colours]
+        return shades.with_extremes(over=self.beyond, under=self.beyond)
+
+    @property
+    def norm(self) -> Normalize:
+        """Place of a value within the limits."""
+        return Normalize(self.low, self.high)
+
+
+EFFECTIVE_STRESS = Map(
+    outcome="effective_stress",
+    label="effective (Mises) stress, kPa",
+    low=0.0,
+    high=10.0,  # kPa, as the paper's figure 4
+    colours=drawing.STRESS_COLOURS,
+    beyond=drawing.ABOVE,
+)
+SHEAR_STRAIN = Map(
+    outcome="shear_log_strain",
+    label="logarithmic shear strain LE12, %",
+    low=-50.0,  # %, as the paper's figure 7: the level of the damage risk volume
+    high=50.0,
+    colours="RdBu_r",
+    beyond="#ffd400",
+)
+
+
+def draw_map(results: Results, what: Map) -> Figure:
+    """Draw the field of every case on one scale, with the site of each tissue's maximum."""
+    sections = [drawing.deformed(results.fields(*key)) for key in results.cases]
+    window = window_around(*sections, margin_mm=2.0)
+
+    def draw(axes: Axes, key: tuple[str, str]) -> None:
+        case = results.case(*key)
+        fields, points = case.fields, drawing.deformed(case.fields)
+        soft = drawing.cells_of(fields, *drawing.SOFT_TISSUES)
+        axes.imshow(
+            drawing.field_image(fields, case.outcomes.nodal[what.outcome], soft, window, PIXELS),
+            extent=window,
+            origin="lower",
+            cmap=what.shades,
+            norm=what.norm,
+            interpolation="antialiased",
+            interpolation_stage="rgba",
+        )
+        drawing.draw_tissue(axes, fields, points, "bone", facecolor=drawing.BONE)
+        drawing.draw_tissue(axes, fields, points, "socket", facecolor=drawing.SOCKET)
+        drawing.draw_outlines(axes, fields, points, linewidth=0.25, zorder=3)
+        summary = of_case(results.summary, key)
+        for row in summary[summary.outcome == what.outcome].itertuples():
+            site = deformed_site(fields, row.x_mm, row.y_mm)
+            axes.plot(*site, MARKERS[row.tissue], **MARKER, markersize=3.2, zorder=5)
+
+    figure = case_panels(results, window, draw)
+    _draw_key(figure, what)
+    return figure
+
+
+def deformed_site(fields: SectionFields, x_mm: float, y_mm: float) -> np.ndarray:
+    """Move a site of the reference section with its nearest node."""
+    node = np.argmin(np.linalg.norm(fields.points - (x_mm, y_mm), axis=1))
+    return np.array([x_mm, y_mm]) + fields.displacement[node]
+
+
+def _draw_key(figure: Figure, what: Map) -> None:
+    bar = add_axes(figure, 7.0, 7.0, 65.0, 2.6)
+    both = what.low < 0
+    figure.colorbar(
+        ScalarMappable(what.norm, what.shades),
+        cax=bar,
+        orientation="horizontal",
+        extend="both" if both else "max",
+        extendfrac=0.07,
+    )
+    bar.set_title(what.label, fontsize=7.5, pad=3)
+    tissues = [
+        Line2D([], [], marker=MARKERS[tissue], linestyle="", **MARKER, markersize=3.8, label=tissue)
+        for tissue in SUMMARY_TISSUES
+    ]
+    legend_at(figure, 78.0, 7.5, tissues, title="largest in")
+    beyond = f"beyond ±{what.high:g} %" if both else f"above {what.high:g} kPa"
+    areas = [
+        Patch(color=what.beyond, label=beyond),
+        Patch(color=drawing.BONE, label="bone"),
+        Patch(color=drawing.SOCKET, label="socket"),
+    ]
+    legend_at(figure, 78.0, 2.0, areas)

@@ -1,0 +1,30 @@
+"""Names that people read, for what the files call otherwise."""
+
+TISSUES = {
+    "skin": "skin",
+    "fat": "fat",
+    "muscle": "muscle",
+    "fascia": "fascia",
+    "vessel": "vessels",
+}
+OUTCOMES = {
+    "effective_stress": "effective stress",
+    "shear_stress": "shear stress",
+    "amp_log_strain": "AMP strain",
+    "shear_log_strain": "shear strain",
+    "tensile_log_strain": "tensile strain",
+    "pressure": "pressure",
+    "contact_pressure_max": "largest contact pressure",
+    "contact_pressure_mean": "mean contact pressure",
+}
+SITES = {
+    "max_separate": "at the Separate maximum",
+    "max_combined": "at the Combined maximum",
+    "max_both": "of the maxima",
+}
+SETS = {"separate": "Separate", "combined": "Combined"}
+
+
+def region(name: str) -> str:
+    """Region name without underscores."""
+    return name.replace("_", " ")

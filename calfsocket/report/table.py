@@ -1,0 +1,116 @@
+"""A table of the report and the three forms it is written in: CSV, Markdown, HTML fragment."""
+
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from calfsocket import writers
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with everything a reader needs beside it.
+
+    Attributes
+    ----------
+    name : str
+        File name without ending.
+    title, caption : str
+        Heading, and what the cells say.
+    data : DataFrame
+        All numbers, one row a thing, for programs.
+    shown : DataFrame
+        Cells as people read them, plain text; row and column labels are the index and the columns.
+    notes : tuple of str
+        Remarks on single cells.
+    """
+
+    name: str
+    title: str
+    caption: str
+    data: pd.DataFrame
+    shown: pd.DataFrame
+    notes: tuple[str, ...] = ()
+
+    def html(self) -> str:
+        """Give a fragment without styles: a figure whose table may scroll in its own box."""
+        body = self.shown.to_html(border=0, na_rep="", index_names=False, justify="unset")
+        body = body.replace(' style="text-align: unset;"', "")  # styles are the page's
+        notes = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
+        return (
+            f'<figure class="table" id="{escape(self.name)}">\n'
+            f"<figcaption><strong>{escape(self.title)}.</strong> {escape(self.caption)}"
+            f"</figcaption>\n"
+            f'<div class="scroll" tabindex="0">\n{body}\n</div>\n'
+            + (f'<ul class="notes">{notes}</ul>\n' if notes else "")
+            + "</figure>\n"
+        )
+
+    def markdown(self) -> str:
+        """Give the table as a section of a Markdown page."""
+        flat = self.shown.copy()
+        flat.columns = [_words(label, " ") for label in flat.columns]
+        labels = [_words(label, ", ") for label in flat.index]
+        lines = ["| | " + " | ".join(map(_cell, flat.columns)) + " |"]
+        lines.append("|---" * (flat.shape[1] + 1) + "|")
+        for label, row in zip(labels, flat.to_numpy(), strict=True):
+            lines.append("| " + " | ".join(map(_cell, [label, *row])) + " |")
+        notes = "".join(f"- {note}\n" for note in self.notes)
+        parts = [f"## {self.title}", self.caption, "\n".join(lines), notes.rstrip()]
+        return "\n\n".join(part for part in parts if part) + "\n"
+
+    def write(self, folder: Path) -> None:
+        """Write NAME.csv, NAME.md and NAME.html."""
+        with writers.replacing(folder / f"{self.name}.csv") as path:
+            self.data.to_csv(path, index=False, float_format=writers.FLOAT_FORMAT)
+        for ending, text in (("md", self.markdown()), ("html", self.html())):
+            with writers.replacing(folder / f"{self.name}.{ending}") as path:
+                path.write_text(text, encoding="utf-8")
+
+
+def number(value: float) -> str:
+    """Three digits and a minus sign, powers of ten far from 1; empty for NaN."""
+    if not np.isfinite(value):
+        return ""
+    if value == 0:
+        return "0"
+    if not 1e-3 <= abs(value) < 1e5:
+        mantissa, exponent = f"{value:.1e}".split("e")
+        text = f"{mantissa}·10^{int(exponent)}"
+    else:
+        text = f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def change(value: float) -> str:
+    """Give a change in percent with its sign, without decimals from 10 on."""
+    if not np.isfinite(value):
+        return ""
+    if abs(value) >= 1e5:
+        text = number(value)
+    else:
+        text = f"{value:.0f}" if abs(value) >= 10 else f"{value:.1f}".replace("-0.0", "0.0")
+        text = text.replace("-", "\N{MINUS SIGN}")
+    return f"+{text}" if value > 0 else text
+
+
+def spread(
+    cells: pd.DataFrame, rows: list[str], columns: list[str], text: "pd.Series[str]"
+) -> pd.DataFrame:
+    """Lay one text a row of `cells` out in a table, in the order of first appearance."""
+    frame = cells[rows + columns].assign(text=text)
+    for name in rows + columns:
+        frame[name] = pd.Categorical(frame[name], frame[name].unique(), ordered=True)
+    wide = frame.pivot(index=rows, columns=columns, values="text")
+    return wide.astype(object).fillna("")
+
+
+def _words(label: object, between: str) -> str:
+    return between.join(map(str, label)) if isinstance(label, tuple) else str(label)
+
+
+def _cell(text: object) -> str:
+    return str(text).replace("|", "\\|").replace("\n", " ")
