@@ -16,7 +16,7 @@ ranges are those of `laws`. The provenance is for people: any keys with texts an
 import json
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -27,6 +27,7 @@ from calfsocket import units
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh, d1_from_poisson, neo_hookean
 from calfsocket.meshes.schema import Strict, checked, read_text
+from calfsocket.tissues import MaterialSet, materials_of
 from calfsocket.writers import replacing
 
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
@@ -121,6 +122,38 @@ def read_material(path: Path) -> Law:
         return material.to_law()
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def read_materials(words: Sequence[str], sets: Iterable[MaterialSet]) -> dict[str, Law]:
+    """Read the material files that take the place of Table 1's laws.
+
+    Parameters
+    ----------
+    words
+        ``TISSUE=FILE.toml`` each, where the tissue "combined" is muscle and fascia of that set.
+    sets
+        Material sets that are solved.
+
+    Raises
+    ------
+    InputError
+        For a word of another kind, a tissue that does not exist, stands there twice or is in none
+        of the sets, or a bad file.
+    """
+    used = dict.fromkeys(material for name in sets for material in materials_of(name).values())
+    laws: dict[str, Law] = {}
+    for word in words:
+        tissue, equals, file = word.partition("=")
+        if not (equals and file):
+            raise InputError(f"--material {word}: write TISSUE=FILE.toml")
+        if tissue not in used:
+            raise InputError(
+                f"--material {word}: no case has a tissue {tissue!r}; use one of {', '.join(used)}"
+            )
+        if tissue in laws:
+            raise InputError(f"--material {word}: {tissue} stands there twice; name it once")
+        laws[tissue] = read_material(Path(file))
+    return laws
 
 
 def write_material(path: Path, law: Law, provenance: Provenance) -> None:

@@ -1,14 +1,17 @@
 """Material files: what is written is read back without loss; what is wrong is said in one line."""
 
+import json
 import math
 import tomllib
 
 import pytest
 
-from calfsocket import tissues, units
+from calfsocket import study, tissues, units
+from calfsocket.case import Case, case_laws
+from calfsocket.cli import main
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Ogden, Yeoh
-from calfsocket.material_file import read_material, write_material
+from calfsocket.material_file import read_material, read_materials, write_material
 
 
 @pytest.mark.parametrize(
@@ -98,3 +101,45 @@ def test_units_by_hand():
     assert units.parse(" -1.5e3Pa ", units.STRESS) == -0.0015
     assert units.text(0.00191, "kPa", units.STRESS) == "1.91 kPa"
     assert units.text(0.0, "1/MPa", units.COMPLIANCE) == "0 1/MPa"
+
+
+@pytest.mark.parametrize(
+    ("words", "sets", "says"),
+    [
+        (["fascia"], ["separate"], ["fascia: write TISSUE=FILE.toml"]),
+        (["fascia="], ["separate"], ["fascia=: write TISSUE=FILE.toml"]),
+        (["facia=a.toml"], ["separate"], ["'facia'", "skin, fat, fascia"]),
+        (["combined=a.toml"], ["separate"], ["'combined'", "skin, fat, fascia, muscle, bone"]),
+        (["muscle=a.toml"], ["combined"], ["'muscle'", "skin, fat, combined"]),
+        (["fat={law}", "fat={law}"], ["separate"], ["fat stands there twice"]),
+        (["fat=none.toml"], ["separate"], ["none.toml: cannot be read"]),
+    ],
+)
+def test_bad_choice_of_materials(words, sets, says, tmp_path):
+    law = tmp_path / "law.toml"
+    write_material(law, tissues.FAT, {})
+    with pytest.raises(InputError) as raised:
+        read_materials([word.format(law=law) for word in words], sets)
+    for word in says:
+        assert word in str(raised.value)
+
+
+def test_the_study_takes_material_files_by_name(tmp_path, monkeypatch):
+    fascia, shared = tmp_path / "fascia.toml", tmp_path / "shared.toml"
+    write_material(fascia, Yeoh(c10=1.25, c20=2.0), {})
+    write_material(shared, Ogden((0.02, 0.01), (9.0, -3.0), 0.5), {})
+    asked: list[study.Study] = []
+
+    def run_study(_comm, study, *_):
+        asked.append(study)
+        return True
+
+    monkeypatch.setattr(study, "run_study", run_study)
+    out = ["--out", str(tmp_path / "out")]
+    code = main(["--material", f"fascia={fascia}", "--material", f"combined={shared}", *out])
+    assert code == 0
+    settings = asked[0].settings
+    assert case_laws(Case("TC", "separate"), settings)["fascia"] == Yeoh(c10=1.25, c20=2.0)
+    assert case_laws(Case("TC", "combined"), settings)["fascia"].alpha == (9.0, -3.0)
+    inputs = json.loads(json.dumps(asked[0].inputs()))  # another law is another study
+    assert inputs["settings"]["materials"]["fascia"]["c10"] == 1.25
