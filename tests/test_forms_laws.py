@@ -10,6 +10,7 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from scipy.optimize import brentq
 
+from calfsocket.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
 from calfsocket.forms import measures, mixed
 from calfsocket.forms.accuracy import series_error
 from calfsocket.laws import Hencky, Law, Ogden, Yeoh
@@ -23,7 +24,6 @@ from calfsocket.tissues import (
     SOCKET,
     VESSEL,
 )
-from calfsocket.verification.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
 
 TWO_TERMS = Ogden(mu=(0.4, -0.05), alpha=(3.3, -2.7), d1=0.1)
 AS_PRINTED = Ogden(mu=(0.012,), alpha=(14.0,), d1=1.67, form="as-printed")

@@ -31,6 +31,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from calfsocket.closed_forms import closed_kirchhoff
 from calfsocket.errors import SolveError
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
@@ -40,7 +41,6 @@ from calfsocket.meshes.triangles import TriangleMesh
 from calfsocket.model import COMPILER_OPTIONS
 from calfsocket.solver import Solver
 from calfsocket.tissues import FASCIA, MUSCLE, SKIN, material_set
-from calfsocket.verification.closed_forms import closed_kirchhoff
 from calfsocket.verification.radial import RingLaw
 from calfsocket.verification.report import Check, Figure, Section
 
