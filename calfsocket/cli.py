@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import calfsocket
 from calfsocket.errors import CalfsocketError, InputError
+from calfsocket.fit import command
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -355,9 +356,21 @@ def _verify(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     return OK if write_page(arguments.out) else CASE_FAILED
 
 
+def _fit_parser(program: str) -> _Parser:
+    parser = _Parser(prog=program, description=command.DESCRIPTION, epilog=command.EPILOG)
+    command.add_arguments(parser)
+    return parser
+
+
+def _fit(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    _on_first_rank(comm, lambda: command.run(arguments))
+    return OK
+
+
 Action = Callable[["MPI.Intracomm", argparse.Namespace], int]
 
 COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
+    "fit": (_fit, _fit_parser, "fit a law to stress-stretch data"),
     "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),
     "picture": (_picture, _picture_parser, "draw a solved case again"),
     "verify": (_verify, _verify_parser, "solve problems with known answers, and say how well"),
