@@ -130,7 +130,7 @@ class _Table:
         self.path = path
         content = read_text(path)
         self.sha256 = hashlib.sha256(content.encode()).hexdigest()
-        lines = content.splitlines()
+        lines = content.removeprefix("\ufeff").splitlines()  # a mark that spreadsheets leave
         comments = [line.lstrip("# ").rstrip() for line in lines if line.startswith("#")]
         self.title = next(filter(None, comments), path.name)
         numbered = [
@@ -155,8 +155,13 @@ class _Table:
         columns: dict[str, str] = {}
         for cell in cells:
             found = _HEADER.fullmatch(cell)
-            if not found or found[1] not in _COLUMNS:
-                hint = nearest(found[1] if found else cell, _COLUMNS)
+            if not found:
+                raise InputError(
+                    f"{self.path}: column {cell.strip()!r} cannot be read; write NAME or "
+                    "NAME [UNIT], e.g. stress [kPa]"
+                )
+            if found[1] not in _COLUMNS:
+                hint = nearest(found[1], _COLUMNS)
                 raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
                 raise InputError(f"{self.path}: column {found[1]} stands there twice; keep one")

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import stats
 
 from calfsocket.fit.regression import LEVEL, Fit
 from calfsocket.fit.stability import StableRange
@@ -14,7 +15,7 @@ twelve of their sixteen digits are lost."""
 
 def doubts(fit: Fit, stable: list[StableRange]) -> list[str]:
     """Return sentences about what the data do not determine and where the law is not stable."""
-    return [*_searches(fit), *_parameters(fit), *_stability(fit, stable)]
+    return [*_searches(fit), *_misfit(fit), *_parameters(fit), *_stability(fit, stable)]
 
 
 def _searches(fit: Fit) -> list[str]:
@@ -39,6 +40,17 @@ def _searches(fit: Fit) -> list[str]:
             f"Terms do each other's work (condition number {fit.condition:.0e}); take fewer."
         )
     return found
+
+
+def _misfit(fit: Fit) -> list[str]:
+    if fit.chi_squared is None:
+        return []
+    if fit.chi_squared <= stats.chi2.ppf(LEVEL, fit.degrees_of_freedom):
+        return []
+    return [
+        f"Residuals are larger than stress_sd explains (chi-squared {fit.chi_squared:.3g} for "
+        f"{fit.degrees_of_freedom} degrees of freedom); intervals are too narrow."
+    ]
 
 
 def _either(values: Sequence[float]) -> str:

@@ -59,9 +59,10 @@ class Fit:
         Of the parameters, MPa; not a number where one is at its bound.
     condition : float
         Condition number of the derivatives, columns scaled to 1.
-    degrees_of_freedom : float
-        Data minus parameters that are not at their bounds; infinite where standard deviations are
-        known.
+    degrees_of_freedom : int
+        Data minus parameters that are not at their bounds.
+    chi_squared : float or None
+        Sum of the squared residuals in standard deviations, where these are known.
     r_squared : float
         1 - residual / total sum of squares, both weighted.
     rms : float
@@ -76,7 +77,8 @@ class Fit:
     minima: tuple[Minimum, ...]
     covariance: Array
     condition: float
-    degrees_of_freedom: float
+    degrees_of_freedom: int
+    chi_squared: float | None
     r_squared: float
     rms: float
     searches: int
@@ -98,7 +100,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     def half_widths(self, level: float = LEVEL) -> Array:
-        """Half the width of each parameter's confidence interval (Student's t), (n,)."""
+        """Half the width of each parameter's confidence interval (Student's t, or normal), (n,)."""
         return np.asarray(self._quantile(level) * self.standard_errors)
 
     def band(self, mode: Mode, stretch: Array) -> Array:
@@ -110,7 +112,8 @@ class Fit:
         return np.asarray(self._quantile(LEVEL) * np.sqrt(variance))
 
     def _quantile(self, level: float) -> float:
-        return float(stats.t.ppf(0.5 + 0.5 * level, self.degrees_of_freedom))
+        freedom = self.degrees_of_freedom if self.chi_squared is None else np.inf
+        return float(stats.t.ppf(0.5 + 0.5 * level, freedom))
 
 
 def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bool = False) -> Fit:
@@ -163,7 +166,8 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
         minima=tuple(m for m in minima if m.sum_of_squares <= limit),
         covariance=covariance,
         condition=condition,
-        degrees_of_freedom=np.inf if problem.known_sd else len(problem.measured) - n_free,
+        degrees_of_freedom=len(problem.measured) - n_free,
+        chi_squared=best.sum_of_squares if problem.known_sd else None,
         r_squared=1 - best.sum_of_squares / float(total),
         rms=float(np.sqrt(np.mean(misfit**2))),
         searches=len(ends),

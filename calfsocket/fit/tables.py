@@ -114,6 +114,8 @@ def fit_record(
             [_number(value) for value in row] for row in fit.covariance / np.outer(scale, scale)
         ],
         "condition_number": fit.condition,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "chi_squared": fit.chi_squared,
         "r_squared": fit.r_squared,
         "rms_residual_kPa": fit.rms / KPA,
         "searches": fit.searches,
