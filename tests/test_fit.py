@@ -108,8 +108,8 @@ def test_one_sigma_intervals_hold_the_truth_two_times_in_three(name, terms, law,
         data = made_test(law, stretch=(0.7, 1.3), points=4, noise=0.02, rng=rng, sd=sd)
         found = fit(chosen, [data])
         held += np.abs(found.parameters - truth) <= found.half_widths(SIGMA)
-    # Within three standard deviations of the binomial distribution, 5.7 %. With 2 degrees of freedom
-    # the normal quantile in the place of Student's would hold the truth in 58 % only.
+    # Within three standard deviations of the binomial distribution, 5.7 %. With 2 degrees of
+    # freedom the normal quantile in the place of Student's would hold the truth in 58 % only.
     assert held / n == pytest.approx(SIGMA, abs=3 * np.sqrt(SIGMA * (1 - SIGMA) / n))
 
 
@@ -235,5 +235,5 @@ def test_bad_families(name, terms, says):
 
 def test_too_few_stretches():
     data = made_test(tissues.FASCIA, points=4)  # one of them is 1
-    with pytest.raises(InputError, match="3 stretches other than 1; .* at least 4"):
+    with pytest.raises(InputError, match=r"3 stretches other than 1; .* at least 4"):
         fit(family("yeoh", 3), [data])
