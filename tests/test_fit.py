@@ -9,6 +9,7 @@ from scipy.optimize import approx_fprime, brentq
 
 from calfsocket import tissues
 from calfsocket.errors import InputError
+from calfsocket.fit import problem
 from calfsocket.fit.data import Test
 from calfsocket.fit.doubts import doubts
 from calfsocket.fit.families import ALPHA_MAX, START_ALPHAS, family
@@ -156,6 +157,24 @@ def test_ogden_on_fascia_says_what_the_data_do_not_determine():
     assert any("2 sets of parameters fit as well" in note for note in notes_of(one))
     two = fit(replace(family("ogden", 2), starts=((-18.0, 18.0), (2.0, 6.0))), [data])
     assert any("Not determined" in note for note in notes_of(two))
+
+
+def test_terms_that_coincide_and_searches_that_do_not_end_are_said():
+    # Coefficients of either sign: two equal terms share their modulus in any way.
+    chosen = replace(family("ogden", 2), starts=((4.0, 4.0),))
+    data = made_test(tissues.MUSCLE, noise=0.02, rng=np.random.default_rng(1))
+    found = fit(chosen, [data], free_signs=True)
+    assert any("Terms do each other's work" in note for note in notes_of(found))
+    assert not any("did not converge" in note for note in notes_of(found))
+    some = replace(found, searches=28, unconverged=3)
+    assert any("3 of 28 searches" in note for note in notes_of(some))
+
+
+def test_no_search_converges(monkeypatch):
+    monkeypatch.setattr(problem, "MAX_EVALUATIONS", 1)
+    data = made_test(tissues.FASCIA, noise=0.02, rng=np.random.default_rng(1))
+    with pytest.raises(InputError, match=r"data\.csv: none of 28 searches for Ogden, 2 terms"):
+        fit(family("ogden", 2), [data])
 
 
 def test_a_coefficient_at_its_bound_has_no_interval():

@@ -16,9 +16,6 @@ TOLERANCE = 1e-10
 MAX_EVALUATIONS = 300
 """Evaluations after which a search counts as not converged."""
 
-START_SHARE = 1e-2
-"""Least share of the largest coefficient with which a term starts."""
-
 
 class Problem:
     """Weighted residuals of a family's engineering stress.
@@ -111,9 +108,6 @@ class Problem:
         if not start:  # linear: there is nothing to search
             return coefficients, True
         n = len(coefficients)
-        # A term of zero does not feel its exponent.
-        share = START_SHARE * float(np.max(np.abs(coefficients)))
-        coefficients = np.where(np.abs(coefficients) < share, share, coefficients)
         least = -np.inf if self.free_signs else 0.0
         found = least_squares(
             self.residual,
