@@ -159,6 +159,17 @@ def test_ogden_on_fascia_says_what_the_data_do_not_determine():
     assert any("Not determined" in note for note in notes_of(two))
 
 
+def test_a_law_of_another_shape_is_said():
+    rng = np.random.default_rng(1)
+    seen = 0
+    for _ in range(200):
+        data = made_test(tissues.FASCIA, noise=0.02, rng=rng)
+        assert any("follow a pattern" in note for note in notes_of(fit(family("yeoh", 1), [data])))
+        right = notes_of(fit(family("yeoh", 3), [data]))
+        seen += any("follow a pattern" in note for note in right)
+    assert seen / 200 < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 200)
+
+
 def test_terms_that_coincide_and_searches_that_do_not_end_are_said():
     # Coefficients of either sign: two equal terms share their modulus in any way.
     chosen = replace(family("ogden", 2), starts=((4.0, 4.0),))

@@ -15,7 +15,13 @@ twelve of their sixteen digits are lost."""
 
 def doubts(fit: Fit, stable: list[StableRange]) -> list[str]:
     """Return sentences about what the data do not determine and where the law is not stable."""
-    return [*_searches(fit), *_misfit(fit), *_parameters(fit), *_stability(fit, stable)]
+    return [
+        *_searches(fit),
+        *_misfit(fit),
+        *_patterns(fit),
+        *_parameters(fit),
+        *_stability(fit, stable),
+    ]
 
 
 def _searches(fit: Fit) -> list[str]:
@@ -51,6 +57,25 @@ def _misfit(fit: Fit) -> list[str]:
         f"Residuals are larger than stress_sd explains (chi-squared {fit.chi_squared:.3g} for "
         f"{fit.degrees_of_freedom} degrees of freedom); intervals are too narrow."
     ]
+
+
+def _patterns(fit: Fit) -> list[str]:
+    """Find residuals that follow each other along the stretch, as noise would not.
+
+    The squared differences of successive residuals of noise have a sum of twice that of the squared
+    residuals, give or take 2/sqrt(n) of it (von Neumann 1941, doi:10.1214/aoms/1177731677).
+    """
+    found = []
+    for test in fit.tests:
+        fitted = fit.family.stress(fit.parameters, test.mode, test.stretch)
+        residual = fitted - test.stress
+        ratio = np.sum(np.diff(residual) ** 2) / np.sum(residual**2)
+        if (2 - ratio) * np.sqrt(len(residual)) / 2 > stats.norm.ppf(LEVEL):
+            found.append(
+                f"The residuals of {test.path.name} follow a pattern: the law has another shape "
+                "than the data, and intervals are too narrow."
+            )
+    return found
 
 
 def _either(values: Sequence[float]) -> str:
