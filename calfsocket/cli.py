@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import calfsocket
 from calfsocket.errors import CalfsocketError, InputError
+from calfsocket.fit import command
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -193,6 +194,14 @@ def _study_parser(program: str) -> _Parser:
         "(default: %(default)s)",
     )
     what.add_argument(
+        "--material",
+        action="append",
+        default=[],
+        metavar="TISSUE=FILE",
+        help="material file in the place of Table 1's law of a tissue, as `fit` writes it; "
+        "the tissue `combined` is muscle and fascia of the combined set; may be repeated",
+    )
+    what.add_argument(
         "--friction", type=float, default=0.4, metavar="MU", help="coefficient (default: 0.4)"
     )
     what.add_argument(
@@ -267,6 +276,7 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket import variants
     from calfsocket.case import Case, Settings
     from calfsocket.contact.nitsche import ContactParameters
+    from calfsocket.material_file import read_materials
     from calfsocket.meshes.data import load_limb, load_sockets
     from calfsocket.meshes.sizing import mesh_size
     from calfsocket.study import MATERIAL_SETS, Study, attempt, check_folder, run_study, select
@@ -289,6 +299,7 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
             socket_support=arguments.socket_support,
             fascia_c10=arguments.fascia_c10,
             ogden_form=arguments.ogden_form,
+            materials=read_materials(arguments.material, sets),
             contact=ContactParameters(fric_coeff=arguments.friction),
         ),
         limb=load_limb(),
@@ -418,9 +429,21 @@ def _verify(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     return OK if write_page(arguments.out, subjects, options) else CASE_FAILED
 
 
+def _fit_parser(program: str) -> _Parser:
+    parser = _Parser(prog=program, description=command.DESCRIPTION, epilog=command.EPILOG)
+    command.add_arguments(parser)
+    return parser
+
+
+def _fit(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    _on_first_rank(comm, lambda: command.run(arguments))
+    return OK
+
+
 Action = Callable[["MPI.Intracomm", argparse.Namespace], int]
 
 COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
+    "fit": (_fit, _fit_parser, "fit a law to stress-stretch data"),
     "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),
     "picture": (_picture, _picture_parser, "draw a solved case again"),
     "report": (_report, _report_parser, "tables, figures and page of a solved study"),

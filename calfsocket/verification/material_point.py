@@ -24,6 +24,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from calfsocket.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
 from calfsocket.forms import measures, mixed
 from calfsocket.gather import KILOPASCAL
 from calfsocket.laws import Hencky, Law, Ogden, Yeoh
@@ -37,7 +38,6 @@ from calfsocket.tissues import (
     SOCKET,
     VESSEL,
 )
-from calfsocket.verification.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
 from calfsocket.verification.report import Check, Figure, Section, Table
 
 FloatArray = NDArray[np.float64]

@@ -1,0 +1,122 @@
+"""The command ``fit``: its options, and the files that it writes."""
+
+import argparse
+from pathlib import Path
+
+from calfsocket.errors import InputError
+
+DESCRIPTION = """\
+Fit a law to stress-stretch data (section 2.2 of the paper).
+
+DATA is a CSV file of one test with units in its header:
+
+  # Strips of crural fascia, mediolateral
+  stretch, engineering_stress [kPa]
+  1.00, 0.0
+  1.02, 310.5
+
+Columns: stretch, or strain [-] or [%]; engineering_stress or cauchy_stress or stress [UNIT];
+stress_sd [UNIT], the standard deviation, and mode if wanted. Compression is negative. Several files
+are fitted together. The material is taken as incompressible.
+
+Coefficients stay at 0 or above, where the law is stable at every strain. Searches start from many
+exponents; what the data do not determine is said in words.
+"""
+
+EPILOG = """\
+examples:
+  python3 -m calfsocket fit examples/fascia_uniaxial_synthetic.csv --law yeoh
+  python3 -m calfsocket fit examples/muscle_*_synthetic.csv --law ogden --out muscle
+  python3 -m calfsocket --material muscle=muscle/material.toml
+
+results:
+  material.toml  the law, for `--material TISSUE=FILE` of the study
+  fit.json       parameters, covariance, other minima, stability, data and versions
+  curve.csv      data, fit and residual of every point
+  fit.png, .pdf  the figure
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("data", type=Path, nargs="+", metavar="DATA.csv", help="one test a file")
+    parser.add_argument("--law", required=True, metavar="LAW", help="yeoh, ogden or neo-hookean")
+    parser.add_argument(
+        "--terms",
+        type=int,
+        metavar="N",
+        help="terms of the law, 1 to 3 (default: yeoh 3, ogden 1)",
+    )
+    parser.add_argument(
+        "--mode",
+        choices=("uniaxial", "equibiaxial", "planar"),
+        help="kind of test, where the file has no column mode (default: uniaxial)",
+    )
+    parser.add_argument(
+        "--stress",
+        choices=("engineering", "cauchy"),
+        help="what a column `stress` holds (default: engineering)",
+    )
+    parser.add_argument(
+        "--nu",
+        type=float,
+        metavar="NU",
+        help="Poisson's ratio that gives Ogden's D1, 0.5 for none (default: 0.495)",
+    )
+    parser.add_argument(
+        "--free-signs",
+        action="store_true",
+        help="let coefficients be negative; the law may then be unstable, which is checked",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("fit"), metavar="DIR", help="default: %(default)s"
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Fit, write the files, and tell the result."""
+    from calfsocket import writers
+    from calfsocket.fit import figure, tables
+    from calfsocket.fit.data import read_test
+    from calfsocket.fit.doubts import doubts
+    from calfsocket.fit.families import family
+    from calfsocket.fit.regression import fit
+    from calfsocket.fit.stability import stable_ranges
+    from calfsocket.material_file import write_material
+
+    law = arguments.law
+    terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1
+    if law == "yeoh" and arguments.nu is not None:
+        raise InputError("--nu: Yeoh's law is incompressible; leave it out")
+    nu = 0.495 if arguments.nu is None else arguments.nu
+    chosen = family(law, terms)
+    tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]
+    fitted = fit(chosen, tests, nu, arguments.free_signs)
+    stable = stable_ranges(fitted.law)
+    notes = doubts(fitted, stable)
+
+    settings = {"law": law, "terms": terms, "free_signs": arguments.free_signs}
+    if law != "yeoh":
+        settings["nu"] = nu
+    out = arguments.out
+    try:
+        record = tables.fit_record(fitted, stable, notes, settings)
+        writers.write_json(out / "fit.json", record)
+        with writers.replacing(out / "curve.csv") as temporary:
+            rows = tables.curve_rows(fitted)
+            rows.to_csv(temporary, index=False, float_format=writers.FLOAT_FORMAT)
+        provenance = {
+            "made_by": f"calfsocket fit, {chosen.title}",
+            "data": [test.path.name for test in tests],
+            "data_title": [test.title for test in tests],
+            "data_sha256": [test.sha256 for test in tests],
+            "r_squared": fitted.r_squared,
+            "doubts": notes,
+            **settings,
+        }
+        write_material(out / "material.toml", fitted.law, provenance)
+        figure.draw(fitted, notes, out / "fit.png", out / "fit.pdf")
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror})") from error
+    print(tables.summary(fitted, stable, notes))
+    print(f"written to {out}: material.toml, fit.json, curve.csv, fit.png, fit.pdf")

@@ -1,0 +1,87 @@
+"""Example data: Table 1's laws with noise. The paper does not print the data that it fitted.
+
+``python3 -m calfsocket.fit.synthetic FOLDER`` writes the files of ``examples/`` again.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calfsocket.fit.modes import Mode, engineering_stress
+from calfsocket.laws import Law
+from calfsocket.tissues import FASCIA, KPA, MUSCLE
+from calfsocket.writers import replacing
+
+POINTS = 26
+
+NOISE = 0.02
+"""Standard deviation of the noise, as a share of the largest stress."""
+
+
+@dataclass(frozen=True)
+class Example:
+    """A test of a law of Table 1.
+
+    Attributes
+    ----------
+    tissue : str
+        Which.
+    law : law
+        Taken as incompressible.
+    mode : str
+        Kind of test.
+    first, last : float
+        Stretches.
+    seed : int
+        Of the noise.
+    tells_sd : bool
+        Whether the file has the column stress_sd.
+    """
+
+    tissue: str
+    law: Law
+    mode: Mode
+    first: float
+    last: float
+    seed: int
+    tells_sd: bool = True
+
+    def csv(self) -> str:
+        """Text of the file."""
+        stretch = np.linspace(self.first, self.last, POINTS)
+        exact = engineering_stress(self.law, self.mode, stretch) / KPA
+        sd = NOISE * float(np.max(np.abs(exact)))
+        noise = sd * np.random.default_rng(self.seed).standard_normal(POINTS)
+        lines = [
+            f"# SYNTHETIC, not measured: {self.tissue}'s law of Table 1 with {NOISE:.0%} noise",
+            f"# Incompressible, {self.mode}; normal noise of standard deviation {sd:.4g} kPa,",
+            f"# seed {self.seed}. Made by `python3 -m calfsocket.fit.synthetic`.",
+            "mode, stretch, engineering_stress [kPa]" + self.tells_sd * ", stress_sd [kPa]",
+        ]
+        lines += [
+            f"{self.mode}, {point:.4f}, {stress:.6g}" + self.tells_sd * f", {sd:.4g}"
+            for point, stress in zip(stretch, exact + noise, strict=True)
+        ]
+        return "\n".join(lines) + "\n"
+
+
+EXAMPLES: dict[str, Example] = {
+    "fascia_uniaxial_synthetic.csv": Example(
+        "fascia", FASCIA, "uniaxial", 1.0, 1.25, 1, tells_sd=False
+    ),
+    "muscle_uniaxial_synthetic.csv": Example("muscle", MUSCLE, "uniaxial", 0.7, 1.3, 2),
+    "muscle_planar_synthetic.csv": Example("muscle", MUSCLE, "planar", 1.0, 0.7, 3),
+}
+
+
+def write_examples(folder: Path) -> None:
+    """Write the example files."""
+    for name, example in EXAMPLES.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(example.csv(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_examples(Path(sys.argv[1]))
