@@ -46,9 +46,12 @@ def run(*command: str | Path, cwd: Path) -> str:
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of the checkout: building leaves artefacts behind."""
     copy = tmp_path_factory.mktemp("packaging") / "sources"
-    left_out = shutil.ignore_patterns(
-        ".*", "results*", "__pycache__", "*.egg-info", "build", "dist"
-    )
+    made = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist")
+
+    def left_out(folder: str, names: list[str]) -> set[str]:
+        results = {name for name in names if name.startswith("results")}
+        return made(folder, names) | (results if Path(folder) == REPOSITORY else set())
+
     shutil.copytree(REPOSITORY, copy, ignore=left_out)
     return copy
 
