@@ -159,6 +159,13 @@ def test_ogden_on_fascia_says_what_the_data_do_not_determine():
     assert any("Not determined" in note for note in notes_of(two))
 
 
+def test_the_order_of_terms_makes_no_other_minimum():
+    data = made_test(Ogden((1.0, 3.0), (-6.5, 9.0), d1=0.0), stretch=(0.8, 1.2))
+    found = fit(replace(family("ogden", 2), starts=((-6.0, 6.0), (6.0, -6.0))), [data])
+    assert [minimum.searches for minimum in found.minima] == [2]
+    assert found.law.alpha == pytest.approx((-6.5, 9.0))
+
+
 def test_a_law_of_another_shape_is_said():
     rng = np.random.default_rng(1)
     seen = 0
