@@ -205,13 +205,15 @@ def newton_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
         changing = [
             f"{step.load:.3g}"
             for step, solve in zip(path.steps, path.solves, strict=True)
-            if solve.converged and solve.changes()[-LAST_ITERATIONS:].any()
+            if solve.converged
+            and (solve.changes()[-LAST_ITERATIONS:].any() or solve.cuts()[-LAST_ITERATIONS:].any())
         ]
         rows.append(
             {
                 "case": path.case.name,
                 "iterations": len(last.before),
-                "with a change in contact": int(np.count_nonzero(last.changes)),
+                "contact changes": int(np.count_nonzero(last.changes)),
+                "cut": int(np.count_nonzero(last.cut)),
                 "at loads": ", ".join(changing),
                 "smooth": int(np.count_nonzero(last.smooth)),
                 "largest C, mm/N": float(last.factor.max(initial=0.0)),
@@ -227,9 +229,11 @@ def newton_figure(paths: Sequence[LimbPath]) -> Figure:
     last = Iterations.of([solve for path in paths for solve in path.solves])
 
     def draw(axes: Axes) -> None:
-        changed = last.changes > 0
-        axes.loglog(last.before[~changed], last.after[~changed], "o", ms=4, label="contact stays")
-        axes.loglog(last.before[changed], last.after[changed], "x", ms=5, label="contact changes")
+        changed = (last.changes > 0) | last.cut
+        axes.loglog(last.before[~changed], last.after[~changed], "o", ms=4, label="whole steps")
+        axes.loglog(
+            last.before[changed], last.after[changed], "x", ms=5, label="contact changes, or cut"
+        )
         before = np.array([last.before.min(), last.before.max()])
         most = last.factor.max(initial=0.0)
         axes.loglog(before, most * before**2, "k--", lw=1, label=f"{most:.2g} |F|^2")

@@ -300,8 +300,8 @@ def taylor_orders(law: Law, where: str) -> tuple[float, float]:
 
 RATIOS = (2.0, 3.0)
 CLOSED = "principal stretches, numpy"
-CURVE = np.exp(np.linspace(-0.5, 0.5, 81))
-"""Stretches of the figure."""
+LOG_STRAINS = np.linspace(0.02, 0.5, 25)
+"""Magnitudes of the logarithmic strain in the figure."""
 
 
 def report() -> Section:
@@ -352,12 +352,20 @@ def report() -> Section:
 
     def curves(axes: Axes) -> None:
         for k, (name, law) in enumerate(TABLE_1.items()):
-            color = f"C{k}"
-            exact = [KILOPASCAL * closed_cauchy(law, *free_sides(law, s))[0] for s in CURVE]
-            axes.semilogy(CURVE, np.abs(exact), color=color, lw=1)
-            some = CURVE[::8][CURVE[::8] != 1.0]
-            forms = [material_point()(law, *free_sides(law, s)).cauchy[0] for s in some]
-            axes.semilogy(some, KILOPASCAL * np.abs(forms), "o", ms=4, color=color, label=name)
+            for sign in (-1, 1):
+                stretches = np.exp(sign * LOG_STRAINS)
+                exact = [closed_cauchy(law, *free_sides(law, s))[0] for s in stretches]
+                axes.semilogy(stretches, KILOPASCAL * np.abs(exact), color=f"C{k}", lw=1)
+                some = stretches[::4]
+                forms = [material_point()(law, *free_sides(law, s)).cauchy[0] for s in some]
+                axes.semilogy(
+                    some,
+                    KILOPASCAL * np.abs(forms),
+                    "o",
+                    ms=4,
+                    color=f"C{k}",
+                    label=name if sign > 0 else None,
+                )
         axes.set(xlabel="stretch", ylabel="magnitude of Cauchy stress, kPa")
         axes.legend(fontsize="small")
 

@@ -3,10 +3,11 @@ r"""How Newton's method converges: in every solve of a subject, and at a solutio
 With the exact tangent |F| after an iteration is C |F|^2 before it, close to the solution. Three
 things hide that in a run of a few iterations: far from the solution other terms count; below some
 1e-9 N/mm, the program's tolerance, rounding does; and a contact point that opens, closes, sticks,
-slips, or passes to the next edge of the socket has another residual, with a kink in between. So
-what is looked at in every solve is how far its last iteration goes, and in its last two iterations
-which ones have no such change, and what C is. The order itself is measured at a solution: |F| after
-one iteration from points closer and closer to it.
+slips, or passes to the next edge of the socket has another residual, with a kink in between; where
+a full step would increase |F| across kinks, the line search cuts it. So what is looked at in every
+solve is how far its last iteration goes, and in its last two iterations which ones are whole steps
+without such a change, and what C is. The order itself is measured at a solution: |F| after one
+iteration from points closer and closer to it.
 """
 
 from collections.abc import Iterator
@@ -49,10 +50,13 @@ class Solve:
         Residual norms, N/mm.
     contact : list of (n,) int
         Status and socket edge of the skin points in one number (`contact_numbers`).
+    evaluations : list of int
+        Residuals computed so far; a whole step takes one.
     """
 
     norms: list[float] = field(default_factory=list)
     contact: list[NDArray[np.int64]] = field(default_factory=list)
+    evaluations: list[int] = field(default_factory=list)
 
     @property
     def converged(self) -> bool:
@@ -64,6 +68,10 @@ class Solve:
         return np.array(
             [np.count_nonzero(a != b) for a, b in pairwise(self.contact)], dtype=np.int64
         )
+
+    def cuts(self) -> NDArray[np.bool_]:
+        """Tell in which iterations the line search cut the step."""
+        return np.diff(self.evaluations) > 1
 
 
 @contextmanager
@@ -78,6 +86,7 @@ def recording() -> Iterator[list[Solve]]:
             solves.append(Solve())
         solves[-1].norms.append(float(norm))
         solves[-1].contact.append(contact_numbers(solver._problem))
+        solves[-1].evaluations.append(snes.getFunctionEvaluations())
 
     with mock.patch.object(Solver, "_record", note):
         yield solves
@@ -93,6 +102,8 @@ class Iterations:
         Residual norms, N/mm.
     changes : (n,) int
         Contact points that change their status or edge.
+    cut : (n,) bool
+        Whose step the line search cut.
     last : (n,) bool
         Which are the last of their solve.
     """
@@ -100,6 +111,7 @@ class Iterations:
     before: FloatArray
     after: FloatArray
     changes: NDArray[np.int64]
+    cut: NDArray[np.bool_]
     last: NDArray[np.bool_]
 
     @classmethod
@@ -108,19 +120,19 @@ class Iterations:
         rows = []
         for solve in solves:
             n = len(solve.norms) - 1
-            changes = solve.changes()
+            changes, cuts = solve.changes(), solve.cuts()
             if solve.converged:
                 rows += [
-                    (solve.norms[k], solve.norms[k + 1], changes[k], k == n - 1)
+                    (solve.norms[k], solve.norms[k + 1], changes[k], cuts[k], k == n - 1)
                     for k in range(max(0, n - LAST_ITERATIONS), n)
                 ]
-        before, after, changed, last = np.array(rows, dtype=float).reshape(-1, 4).T
-        return cls(before, after, changed.astype(np.int64), last.astype(bool))
+        before, after, changed, cut, last = np.array(rows, dtype=float).reshape(-1, 5).T
+        return cls(before, after, changed.astype(np.int64), cut.astype(bool), last.astype(bool))
 
     @property
     def smooth(self) -> NDArray[np.bool_]:
-        """Which ones show Newton's method alone: no change in contact, end above the tolerance."""
-        return (self.after > TOLERANCE) & (self.changes == 0)
+        """Which show Newton's method alone: whole steps, contact the same, above the tolerance."""
+        return (self.after > TOLERANCE) & (self.changes == 0) & ~self.cut
 
     @property
     def factor(self) -> FloatArray:
