@@ -23,17 +23,17 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 import calfsocket
-from calfsocket import units
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh, d1_from_poisson, neo_hookean
 from calfsocket.meshes.schema import Strict, checked, read_text
 from calfsocket.tissues import MaterialSet, materials_of
+from calfsocket.units import COMPLIANCE, STRESS
 from calfsocket.writers import replacing
 
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
 
-_Stress = Annotated[float, BeforeValidator(lambda text: units.parse(text, units.STRESS))]
-_Compliance = Annotated[float, BeforeValidator(lambda text: units.parse(text, units.COMPLIANCE))]
+_Stress = Annotated[float, BeforeValidator(STRESS.parse)]
+_Compliance = Annotated[float, BeforeValidator(COMPLIANCE.parse)]
 
 
 class _Material(Strict):
@@ -180,14 +180,14 @@ def _entries(law: Law) -> dict[str, Any]:
     unit = "kPa" if law.initial_shear_modulus < 1 else "MPa"
 
     def stress(value: float) -> str:
-        return units.text(value, unit, units.STRESS)
+        return STRESS.text(value, unit)
 
     entries: dict[str, Any] = {"law": law.name}
     match law:
         case Ogden():
             entries["mu"] = [stress(mu) for mu in law.mu]
             entries["alpha"] = list(law.alpha)
-            entries["d1"] = units.text(law.d1, "1/MPa", units.COMPLIANCE)
+            entries["d1"] = COMPLIANCE.text(law.d1, "1/MPa")
             entries["form"] = law.form
         case Yeoh():
             entries |= {key: stress(getattr(law, key)) for key in ("c10", "c20", "c30")}

@@ -1,70 +1,71 @@
-"""Units of stress as people write them; inside, a stress is MPa.
+"""Units of stress as people write them, converted by pint; inside, a stress is MPa.
 
-Decimal arithmetic, so that a number keeps its digits on the way to a file and back.
+Decimal arithmetic, so that a number keeps its digits on the way to a file and back. Only units that
+a laboratory uses are allowed: pint would take mPa, a slip of the shift key, for a billionth of MPa.
 """
 
 import re
-from collections.abc import Mapping
+from dataclasses import dataclass
 from decimal import Decimal
+from functools import cache
 
-STRESS: dict[str, Decimal] = {
-    "Pa": Decimal("1e-6"),
-    "kPa": Decimal("1e-3"),
-    "MPa": Decimal(1),
-    "GPa": Decimal("1e3"),
-    "N/mm^2": Decimal(1),
-    "N/cm^2": Decimal("1e-2"),
-    "N/m^2": Decimal("1e-6"),
-    "mmHg": Decimal("1.33322387415e-4"),
-}
-"""MPa in a unit of stress."""
-
-COMPLIANCE: dict[str, Decimal] = {
-    "1/Pa": Decimal("1e6"),
-    "1/kPa": Decimal("1e3"),
-    "1/MPa": Decimal(1),
-}
-"""1/MPa in a unit of D1."""
+import pint
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
 
 
-def parse(text: object, units: Mapping[str, Decimal]) -> float:
-    """Value of a quantity such as ``"12 kPa"`` in the internal unit.
+@cache
+def _registry() -> pint.UnitRegistry:
+    return pint.UnitRegistry(non_int_type=Decimal)
 
-    Parameters
+
+@dataclass(frozen=True)
+class Dimension:
+    """A kind of quantity.
+
+    Attributes
     ----------
-    text
-        A number and a unit.
-    units
-        Internal units in each allowed unit: `STRESS` or `COMPLIANCE`.
-
-    Raises
-    ------
-    ValueError
-        When the text is no number with one of these units.
+    internal : str
+        The unit inside the program.
+    allowed : tuple of str
+        Units that may be written.
     """
-    found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
-    if not found:
-        raise ValueError(f'{text!r} is no number with a unit; write e.g. "12 {next(iter(units))}"')
-    return float(Decimal(found[1]) * units[known(found[2] or "", units)])
+
+    internal: str
+    allowed: tuple[str, ...]
+
+    def factor(self, unit: str) -> Decimal:
+        """Return how many internal units a unit is.
+
+        Raises
+        ------
+        ValueError
+            When the unit is not allowed; the message names those that are.
+        """
+        if unit not in self.allowed:
+            raise ValueError(f"unit {unit!r} is unknown; use one of {', '.join(self.allowed)}")
+        return _registry().Quantity(Decimal(1), unit).to(self.internal).magnitude
+
+    def parse(self, text: object) -> float:
+        """Value of a text such as ``"12 kPa"`` in the internal unit.
+
+        Raises
+        ------
+        ValueError
+            When the text is no number with an allowed unit.
+        """
+        found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
+        if not found:
+            example = f'"12 {self.allowed[0]}"'
+            raise ValueError(f"{text!r} is no number with a unit; write e.g. {example}")
+        return float(Decimal(found[1]) * self.factor(found[2] or ""))
+
+    def text(self, value: float, unit: str) -> str:
+        """Write a value of the internal unit in another unit, to its last digit."""
+        number = (Decimal(repr(float(value))) / self.factor(unit)).normalize()
+        digits = f"{number:f}" if -5 < number.adjusted() < 15 else str(number)
+        return f"{digits} {unit}"
 
 
-def known(unit: str, units: Mapping[str, Decimal]) -> str:
-    """Return the unit, when it is an allowed one.
-
-    Raises
-    ------
-    ValueError
-        When it is not; the message names those that are.
-    """
-    if unit not in units:
-        raise ValueError(f"unit {unit!r} is unknown; use one of {', '.join(units)}")
-    return unit
-
-
-def text(value: float, unit: str, units: Mapping[str, Decimal]) -> str:
-    """Write a value of the internal unit in another unit, to its last digit."""
-    number = (Decimal(repr(float(value))) / units[unit]).normalize()
-    digits = f"{number:f}" if -5 < number.adjusted() < 15 else str(number)
-    return f"{digits} {unit}"
+STRESS = Dimension("MPa", ("Pa", "kPa", "MPa", "GPa", "N/mm^2", "N/cm^2", "N/m^2", "mmHg"))
+COMPLIANCE = Dimension("1/MPa", ("1/Pa", "1/kPa", "1/MPa"))

@@ -6,12 +6,13 @@ import tomllib
 
 import pytest
 
-from calfsocket import study, tissues, units
+from calfsocket import study, tissues
 from calfsocket.case import Case, case_laws
 from calfsocket.cli import main
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Ogden, Yeoh
 from calfsocket.material_file import read_material, read_materials, write_material
+from calfsocket.units import COMPLIANCE, STRESS
 
 
 @pytest.mark.parametrize(
@@ -97,10 +98,13 @@ def test_files_that_cannot_be_read(tmp_path):
 
 
 def test_units_by_hand():
-    assert units.parse("760 mmHg", units.STRESS) == pytest.approx(0.101325)  # one atmosphere
-    assert units.parse(" -1.5e3Pa ", units.STRESS) == -0.0015
-    assert units.text(0.00191, "kPa", units.STRESS) == "1.91 kPa"
-    assert units.text(0.0, "1/MPa", units.COMPLIANCE) == "0 1/MPa"
+    assert STRESS.parse("760 mmHg") == pytest.approx(0.101325)  # one atmosphere
+    assert STRESS.parse(" -1.5e3Pa ") == -0.0015
+    assert STRESS.text(0.00191, "kPa") == "1.91 kPa"
+    assert COMPLIANCE.text(0.0, "1/MPa") == "0 1/MPa"
+    assert COMPLIANCE.parse("1.67e-6 1/Pa") == 1.67
+    with pytest.raises(ValueError, match="'mPa' is unknown"):
+        STRESS.parse("12 mPa")  # a slip for MPa
 
 
 @pytest.mark.parametrize(

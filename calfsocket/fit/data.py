@@ -23,11 +23,11 @@ from typing import Literal, TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket import units
 from calfsocket.errors import InputError
 from calfsocket.fit.modes import MODES, Array, Mode
 from calfsocket.fit.stability import SCANNED
 from calfsocket.meshes.schema import nearest, read_text
+from calfsocket.units import STRESS
 
 Choice = TypeVar("Choice", bound=str)
 Measure = Literal["engineering", "cauchy"]
@@ -196,7 +196,7 @@ class _Table:
     def in_mpa(self, name: str) -> Array:
         """Return a column of stresses."""
         try:
-            factor = units.STRESS[units.known(self.units[name], units.STRESS)]
+            factor = STRESS.factor(self.units[name])
         except ValueError as error:
             raise InputError(f"{self.path}: {name}: {error}, e.g. `{name} [kPa]`") from error
         return self.numbers(name) * float(factor)
