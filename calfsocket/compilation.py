@@ -4,6 +4,7 @@ import fcntl
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import IO
 
 from dolfinx import jit
 from mpi4py import MPI
@@ -32,8 +33,8 @@ def warm(comm: MPI.Comm, ogden_terms: Iterable[int] = (1,)) -> None:
     """Compile every form that a case needs, unless that was done before (collective).
 
     Rank 0 compiles, under a lock against other processes of the same user. A form that is found
-    half compiled under the lock was left by a process that was killed, and is thrown away; without
-    that, dolfinx waits for it in vain.
+    half compiled while no other process uses the cache was left by one that was killed, and is
+    thrown away; without that, dolfinx waits for it in vain.
 
     Parameters
     ----------
@@ -49,12 +50,32 @@ def warm(comm: MPI.Comm, ogden_terms: Iterable[int] = (1,)) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / ".lock").open("a") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            for source in folder.glob("*.c"):
-                if not source.with_suffix(".c.cached").exists():
-                    source.unlink()
+            _throw_away_leftovers(folder)
             for number in sorted(set(ogden_terms)):
                 _use_all_forms(number)
     comm.Barrier()
+
+
+_used: dict[Path, IO[str]] = {}
+
+
+def _throw_away_leftovers(folder: Path) -> None:
+    """Delete half compiled forms, unless a living process may be compiling them.
+
+    From here on this process is a user of the cache: it shares a lock as long as it lives.
+    """
+    if folder in _used:
+        return
+    _used[folder] = (folder / ".users").open("a")
+    try:
+        fcntl.flock(_used[folder], fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        pass
+    else:
+        for source in folder.glob("*.c"):
+            if not source.with_suffix(".c.cached").exists():
+                source.unlink()
+    fcntl.flock(_used[folder], fcntl.LOCK_SH)
 
 
 def _use_all_forms(ogden_terms: int) -> None:

@@ -1,5 +1,8 @@
 """Forms are compiled for as many Ogden terms as the cases' laws have."""
 
+import fcntl
+
+import pytest
 from mpi4py import MPI
 
 from calfsocket import compilation, tissues
@@ -15,3 +18,22 @@ def test_forms_are_compiled_once_for_each_number_of_terms(monkeypatch, tmp_path)
     laws = [[tissues.FASCIA], [tissues.SKIN, two], [tissues.SKIN, tissues.BONE]]
     compilation.warm(MPI.COMM_SELF, map(ogden_terms, laws))
     assert compiled == [1, 2]
+
+
+@pytest.mark.parametrize("another_lives", [True, False])
+def test_only_what_a_dead_process_left_half_compiled_is_thrown_away(
+    another_lives, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(compilation, "_use_all_forms", lambda _: None)
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", {})
+    for name in ("half.c", "whole.c", "whole.c.cached"):
+        (tmp_path / name).touch()
+    with (tmp_path / ".users").open("a") as other:
+        if another_lives:
+            fcntl.flock(other, fcntl.LOCK_SH)
+        compilation.warm(MPI.COMM_SELF)
+        assert (tmp_path / "half.c").exists() == another_lives
+        assert (tmp_path / "whole.c").exists()
+        with pytest.raises(BlockingIOError):  # we live: nobody else is alone
+            fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
