@@ -33,6 +33,14 @@ OVERCLOSURE = 0.2
 THICKNESS = 4.5
 
 
+class Springs(Model):
+    interface = StiffeningContact
+
+
+class TurnedSprings(DrivenModel):
+    interface = StiffeningContact
+
+
 def section(inner=LIMB[-1].outer - OVERCLOSURE, thickness=THICKNESS, h=2.0):
     layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
     return ring_mesh(MPI.COMM_SELF, layers, (inner, inner + thickness), h)
@@ -59,8 +67,7 @@ def stepped(model, largest=0.25, to=1.0):
 @pytest.fixture(scope="module")
 def stiffened():
     mesh = section()
-    laws = {name: LAWS[name] for name in mesh.regions}
-    return stepped(Model(mesh, laws, ContactParameters(), interface=StiffeningContact))
+    return stepped(Springs(mesh, {name: LAWS[name] for name in mesh.regions}))
 
 
 def test_springs_carry_what_the_exact_ring_gives(stiffened):
@@ -89,12 +96,11 @@ def test_springs_carry_their_shear_over():
     layers = [layer[:3] for layer in ring.layers]
     mesh = ring_mesh(MPI.COMM_SELF, layers, (inner - ring.overclosure, outer), ring.h)
     laws = {name: law for name, _, _, law in ring.layers} | {tags.SOCKET: law}
-    model = DrivenModel(
+    model = TurnedSprings(
         mesh,
         laws,
         ContactParameters(gamma=1.0, gamma_t=0.3),
         socket_support="outer-fixed",
-        interface=StiffeningContact,
     )
     drive, contact = Drive(model), model.contact
     contact.load = 0.8
