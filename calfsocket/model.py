@@ -1,7 +1,7 @@
 """A case made discrete: mesh, spaces, tissues and contact, as residual and tangent."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import basix
 import numpy as np
@@ -55,8 +55,6 @@ class Model:
         Friction and Nitsche stiffness.
     socket_support : {"floating", "outer-fixed"}
         Whether the socket rests on the limb alone, or is held at its outer face.
-    interface : type of ContactInterface
-        How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
 
     Attributes
     ----------
@@ -66,7 +64,11 @@ class Model:
         The contact pair; its `load` is the load of the model.
     held : (n,) int
         Owned unknowns that are fixed at zero.
+    interface : type of ContactInterface
+        How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
     """
+
+    interface: ClassVar[type[ContactInterface]] = ContactInterface
 
     def __init__(
         self,
@@ -74,7 +76,6 @@ class Model:
         region_laws: Mapping[str, Law],
         contact: ContactParameters | None = None,
         socket_support: SocketSupport = "floating",
-        interface: type[ContactInterface] = ContactInterface,
     ) -> None:
         contact = contact or ContactParameters()
         self.section = section
@@ -104,7 +105,7 @@ class Model:
         if socket_support == "outer-fixed":
             held.append(tags.SOCKET_OUTER)
         self._fix(held)
-        self.contact = interface(
+        self.contact = self.interface(
             self.w,
             self._skin_law(),
             self.fields,

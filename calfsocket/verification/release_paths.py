@@ -10,6 +10,7 @@ A socket that is too small can be let go in more than one way, and friction reme
 All three run from load 0 to load 1 under the program's own `Stepper`.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -112,7 +113,8 @@ class StiffeningContact(ContactInterface):
         """Tangential deflection under the remembered shear at the present stiffness, mm."""
         if self._shear is None:
             return 0.0
-        return -self._shear / (self.stiffness * self._rigid.gamma_t / self._rigid.gamma)
+        stiffness = self.stiffness * self._rigid.gamma_t / self._rigid.gamma
+        return np.asarray(-self._shear / stiffness)
 
 
 CLEARANCE = 0.1
@@ -189,24 +191,19 @@ class ShrinkingModel(Model):
     the load and is gone at the end.
     """
 
+    interface = ShrinkingContact
     contact: ShrinkingContact
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
-        super().__init__(*args, interface=ShrinkingContact, **keywords)
+        super().__init__(*args, **keywords)
         cells = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
         self.contact.swell(np.unique(self.section.mesh.geometry.dofmap[cells]))
-        dx = ufl.Measure("dx", self.section.mesh, subdomain_data=self.section.cell_tags)
-        u, v = ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0]
-        guide = ufl.inner(u, v) * dx(self.section.regions[tags.SOCKET])
-        self._guide = fem_petsc.assemble_matrix(fem.form(guide), self._bcs, diagonal=0.0)
-        self._guide.assemble()
+        self._guide = bedding(self, [tags.SOCKET])
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Residual in N/mm, of the bedding too (collective)."""
         super().residual(x, f)
-        force = self._guide.createVecLeft()
-        self._guide.mult(x, force)
-        f.axpy(GUIDE_STIFFNESS * (1.0 - self.contact.load), force)
+        f.axpy(GUIDE_STIFFNESS * (1.0 - self.contact.load), self._guide * x)
 
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
@@ -216,3 +213,51 @@ class ShrinkingModel(Model):
             self._guide,
             PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
         )
+
+
+DAMPING = 3e-5
+"""Drag of a `DampedModel`: force per volume and way of a step, N/mm^3 per mm; none at full load."""
+
+
+class DampedModel(Model):
+    """A `Model` with `StiffeningContact` whose points drag behind on dashpots from step to step.
+
+    A limb whose fascia buckles may snap: there is no equilibrium near the last one then. With the
+    drag there is, and the limb moves on over the next steps. The drag fades out with the load.
+    """
+
+    interface = StiffeningContact
+
+    def __init__(self, *args: Any, **keywords: Any) -> None:
+        super().__init__(*args, **keywords)
+        self._drag = bedding(self, list(self.section.regions))
+        self._start = self.create_vector()
+
+    def rest(self, x: PETSc.Vec) -> None:
+        """Let the dashpots start from here, after each step (collective)."""
+        x.copy(self._start)
+
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Residual in N/mm, of the dashpots too (collective)."""
+        super().residual(x, f)
+        f.axpy(DAMPING * (1.0 - self.contact.load), self._drag * (x - self._start))
+
+    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Exact derivative of `residual` (collective)."""
+        super().tangent(x, A)
+        A.axpy(
+            DAMPING * (1.0 - self.contact.load),
+            self._drag,
+            PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
+        )
+
+
+def bedding(model: Model, regions: Sequence[str]) -> PETSc.Mat:
+    """Matrix of the integral of u . v over regions, zero at held unknowns (collective)."""
+    section = model.section
+    dx = ufl.Measure("dx", section.mesh, subdomain_data=section.cell_tags)
+    u, v = ufl.TrialFunctions(model.V)[0], ufl.TestFunctions(model.V)[0]
+    form = ufl.inner(u, v) * dx(tuple(section.regions[name] for name in regions))
+    matrix = fem_petsc.assemble_matrix(fem.form(form), model._bcs, diagonal=0.0)
+    matrix.assemble()
+    return matrix

@@ -1,0 +1,350 @@
+"""Friction on the limb: load steps, and the way in which the socket is put on.
+
+A tight socket holds the skin that it has caught. Where the limb would rather slide along it,
+friction resists, and how much of the resistance is left in the end depends on when the skin was
+caught. So equilibria of one and the same problem of Signorini and Coulomb differ in their shear,
+and the path is part of the model. Here the same limb comes into the same socket by three paths
+(`release_paths`), and without friction, which bounds them.
+
+- *closed*, the study's: all gaps are closed in proportion. The skin sticks from the first load
+  step, all of its motion along the socket still ahead, and slides where shear reaches mu p.
+- *shrunk*: a swollen socket is let go and shrinks to its size. The spots that it touches first are
+  pressed by little and slide while it finds its place; then it holds them, too.
+- *stiffened*: the whole overclosure is there at once, and contact stiffens. Hardly a point ever
+  reaches mu p. All the same the shear is the least of all, for the skin moves along the socket on
+  the tangential springs while these are soft, and keeps what they hold as the pressure rises. This
+  is creep and no slip: it depends on the ratio e_t/e of tangential to normal springs, a number of
+  the method. The stiffer they are the nearer the shear comes to that of closed gaps.
+
+Mean pressure, which the area loss and the bulk moduli fix, hardly feels any of this.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from mpi4py import MPI
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from calfsocket.case import (
+    FORCE_TOLERANCE,
+    GAP_TOLERANCE,
+    Case,
+    Settings,
+    case_laws,
+    region_tissues,
+)
+from calfsocket.contact.friction import OPEN, SLIP
+from calfsocket.contact.nitsche import ContactParameters, ContactState
+from calfsocket.contact_line import ContactLine
+from calfsocket.gather import KILOPASCAL, contact_line, section_fields
+from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.sizing import mesh_size
+from calfsocket.model import Model, SocketSupport
+from calfsocket.outcomes import running_mean, summary_rows
+from calfsocket.stepping import LoadStep, StepControl, Stepper
+from calfsocket.verification.release_paths import DampedModel, ShrinkingModel
+from calfsocket.verification.report import Check, Figure, Section
+
+FloatArray = NDArray[np.float64]
+
+PATHS: dict[str, type[Model]] = {
+    "closed": Model,
+    "stiffened": DampedModel,
+    "shrunk": ShrinkingModel,
+}
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A socket put on the limb by one path.
+
+    Attributes
+    ----------
+    line : ContactLine
+        Contact at the end.
+    summary : DataFrame
+        Rows of summary.csv.
+    displacement : (n, 2)
+        Of the nodes, mm.
+    history : DataFrame
+        By converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share.
+    slid : (m,)
+        Way that each point of `line` slid in all, mm.
+    imbalance : float
+        Force imbalance over the pressing force.
+    negative_modes : int
+        Of the end.
+    """
+
+    line: ContactLine
+    summary: pd.DataFrame
+    displacement: FloatArray
+    history: pd.DataFrame
+    slid: FloatArray
+    imbalance: float
+    negative_modes: int
+
+    @property
+    def mean_pressure(self) -> float:
+        """Mean contact pressure, kPa."""
+        line = self.line
+        return float(line.weight_mm @ line.pressure_kPa / line.weight_mm.sum())
+
+    @property
+    def peak_pressure(self) -> float:
+        """Largest contact pressure, running mean over 3 mm, kPa."""
+        return float(running_mean(self.line).max())
+
+    @property
+    def shear_ratio(self) -> float:
+        """Mean |shear| over mean pressure."""
+        line = self.line
+        pressing = line.weight_mm @ line.pressure_kPa
+        return float(line.weight_mm @ np.abs(line.shear_kPa) / pressing)
+
+    def maximum(self, tissue: str, outcome: str) -> float:
+        """Value of a row of the summary."""
+        rows = self.summary
+        at = (rows["tissue"] == tissue) & (rows["outcome"] == outcome)
+        return float(rows.loc[at, "value"].iloc[0])
+
+
+def fit(
+    case: Case,
+    path: str,
+    largest: float,
+    size: str = "coarse",
+    contact: ContactParameters | None = None,
+    support: SocketSupport = "floating",
+) -> Fitting:
+    """Put a socket on the limb.
+
+    Parameters
+    ----------
+    case : Case
+        Socket and material set.
+    path : str
+        One of `PATHS`.
+    largest : float
+        Largest load step.
+    size : str
+        Mesh size.
+    contact : ContactParameters
+        Friction and contact stiffness; the study's unless given.
+    support : str
+        Whether the socket floats.
+    """
+    limb, laws, tissues = load_limb(), case_laws(case, Settings()), region_tissues(load_limb())
+    section = section_mesh(MPI.COMM_SELF, limb, load_sockets().socket(case.socket), mesh_size(size))
+    model = PATHS[path](
+        section, {name: laws[tissues[name]] for name in section.regions}, contact, support
+    )
+    history: list[dict[str, float]] = []
+    slid = np.zeros(len(model.contact.points.weight))
+    before = model.contact.state()
+
+    def watch(step: LoadStep) -> None:
+        nonlocal before, slid
+        if not step.newton.converged:
+            return
+        model.set_unknowns(stepper.solver.x)
+        state = model.contact.state()
+        way = model.contact.chain.slip(state.projection.arc, before.projection.arc)
+        slid = slid + np.where(state.traction.status == SLIP, np.abs(way), 0.0)
+        before = state
+        history.append(_history_row(step.load, state, model.contact.points.weight))
+        if isinstance(model, DampedModel):
+            model.rest(stepper.solver.x)
+
+    stepper = Stepper(model, StepControl(first=min(0.1, largest), largest=largest), on_step=watch)
+    stepper.run()
+    fields, line = section_fields(model, tissues), contact_line(model)
+    assert fields is not None and line is not None  # on one rank
+    imbalance, pressing = model.force_balance(stepper.solver.x)
+    order = cKDTree(model.contact.deformed_points()).query(np.stack([line.x_mm, line.y_mm], 1))[1]
+    return Fitting(
+        line=line,
+        summary=summary_rows(fields, line, *case.key),
+        displacement=fields.displacement,
+        history=pd.DataFrame(history),
+        slid=slid[order],
+        imbalance=imbalance / pressing,
+        negative_modes=stepper.solver.negative_modes(),
+    )
+
+
+def _history_row(load: float, state: ContactState, weight: FloatArray) -> dict[str, float]:
+    law = state.traction
+    pressing, length = float(weight @ law.pressure), float(weight.sum())
+    return {
+        "load": load,
+        "mean_pressure": KILOPASCAL * pressing / length,
+        "shear_ratio": float(weight @ np.abs(law.shear)) / pressing if pressing else 0.0,
+        "slip_share": float(weight[law.status == SLIP].sum()) / length,
+        "open_share": float(weight[law.status == OPEN].sum()) / length,
+    }
+
+
+#: Sockets, in the Separate set.
+SOCKETS = ("TSB", "HS")
+#: Largest load steps; the last is the one that is shown.
+STEPS = {"closed": (0.25, 0.1), "stiffened": (0.1, 0.05), "shrunk": (0.05,)}
+#: Ratios e_t/e of the springs.
+SPRINGS = (0.1, 2.0, 8.0)
+STEP_BARS = {"closed": 0.01, "stiffened": 0.1}
+TISSUES = (
+    ("skin", "effective_stress", "kPa"),
+    ("fat", "amp_log_strain", "%"),
+    ("muscle", "shear_log_strain", "%"),
+    ("fascia", "effective_stress", "kPa"),
+)
+FREE = ContactParameters(fric_coeff=0.0)
+NO_FRICTION = "no friction"
+SAME = "the same problem"
+
+
+def report(size: str = "coarse") -> Section:
+    """Compare load steps and paths on the limb: minutes.
+
+    Parameters
+    ----------
+    size : str
+        Mesh size.
+    """
+    checks, figures, rows, findings = [], [], [], []
+    for socket in SOCKETS:
+        case = Case(socket, "separate")
+        ends = {}
+        for path, steps in STEPS.items():
+            fits = [fit(case, path, step, size) for step in steps]
+            rows += [_row(case, path, step, made) for step, made in zip(steps, fits, strict=True)]
+            ends[path] = fits[-1]
+            if len(fits) > 1:
+                change = fits[-2].shear_ratio / fits[-1].shear_ratio - 1.0
+                name = f"{socket}, {path}: shear over pressure, step {steps[-2]} for {steps[-1]}"
+                checks.append(Check(name, change, STEP_BARS[path], "", SAME))
+        ends[NO_FRICTION] = fit(case, "closed", 0.1, size, FREE)
+        rows.append(_row(case, NO_FRICTION, 0.1, ends[NO_FRICTION]))
+        checks += _end_checks(socket, ends)
+        figures += _figures(socket, ends)
+        findings.append(_finding(socket, ends["closed"], ends[NO_FRICTION]))
+    case, step = Case("TSB", "separate"), STEPS["stiffened"][-1]
+    for ratio in SPRINGS:
+        springs = ContactParameters(gamma_t=ratio * FREE.gamma)
+        made = fit(case, "stiffened", step, size, springs)
+        rows.append(_row(case, f"stiffened, e_t/e = {ratio:g}", step, made))
+    smooth = fit(case, "stiffened", STEPS["stiffened"][0], size, FREE).line
+    exact = fit(case, "closed", 0.1, size, FREE).line
+    difference = np.abs(smooth.pressure_kPa - exact.pressure_kPa).max() / exact.pressure_kPa.max()
+    name = "TSB without friction, stiffened: largest difference of pressure"
+    checks.append(Check(name, float(difference), 1e-5, "", SAME))
+    text = "\n".join([__doc__ or "", *findings, "", _markdown(rows)])
+    return Section("Friction on the limb", text, checks, figures)
+
+
+def _end_checks(socket: str, ends: dict[str, Fitting]) -> list[Check]:
+    """Check what every path must end in."""
+    lines = [made.line for made in ends.values()]
+    gap = max(float(np.abs(line.gap_mm[line.status != "open"]).max()) for line in lines)
+    checks = [
+        Check(f"{socket}, {path}: mean pressure", made.mean_pressure / closed - 1.0, 0.04, "", SAME)
+        for closed in [ends["closed"].mean_pressure]
+        for path, made in ends.items()
+        if path != "closed"
+    ]
+    return [
+        *checks,
+        Check(f"{socket}: gap in contact", gap, GAP_TOLERANCE, "mm", "Signorini"),
+        Check(
+            f"{socket}: force balance",
+            max(made.imbalance for made in ends.values()),
+            FORCE_TOLERANCE,
+            "",
+            "tibia's reaction",
+        ),
+        Check(
+            f"{socket}: negative modes",
+            sum(made.negative_modes for made in ends.values()),
+            0.0,
+            "",
+            "stable equilibria",
+        ),
+    ]
+
+
+def _finding(socket: str, rough: Fitting, smooth: Fitting) -> str:
+    """Say what friction itself does."""
+    moved = np.linalg.norm(rough.displacement - smooth.displacement, axis=1).max()
+    pressure = np.abs(rough.line.pressure_kPa - smooth.line.pressure_kPa).max()
+    return (
+        f"{socket}: between friction by closed gaps and no friction, local pressure differs by up "
+        f"to {pressure:.1f} kPa and displacement by up to {moved:.1f} mm."
+    )
+
+
+def _row(case: Case, path: str, step: float, made: Fitting) -> dict[str, str]:
+    """Row of the table: what the path changes."""
+    line = made.line
+    return {
+        "socket": case.socket,
+        "set": case.material_set,
+        "path": path,
+        "step": f"{step:g}",
+        "mean pressure, kPa": f"{made.mean_pressure:.2f}",
+        "largest, kPa": f"{made.peak_pressure:.1f}",
+        "shear / pressure": f"{made.shear_ratio:.4f}",
+        "slips at the end": f"{np.average(line.status == 'slip', weights=line.weight_mm):.3f}",
+        "slid, mm": f"{np.average(made.slid, weights=line.weight_mm):.2f}",
+    } | {
+        f"{tissue}, {unit}": f"{made.maximum(tissue, outcome):.3g}"
+        for tissue, outcome, unit in TISSUES
+    }
+
+
+def _markdown(rows: list[dict[str, str]]) -> str:
+    head = list(rows[0])
+    lines = [head, ["---"] * len(head), *(list(row.values()) for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
+    """Pressure, shear and slip along the skin, and shear as the pressure rises."""
+
+    def along(axes: Axes, values: Callable[[Fitting], FloatArray], label: str) -> None:
+        for path, end in made.items():
+            axes.plot(end.line.arc_mm, values(end), label=path, lw=1.2)
+        axes.set(xlabel="along the skin from lateral, by anterior, mm", ylabel=label)
+        axes.legend()
+
+    def pressure(axes: Axes) -> None:
+        along(axes, lambda end: running_mean(end.line), "contact pressure (3 mm mean), kPa")
+
+    def shear(axes: Axes) -> None:
+        along(axes, lambda end: _mean_shear(end.line), "shear traction (3 mm mean), kPa")
+
+    def slid(axes: Axes) -> None:
+        along(axes, lambda end: end.slid, "way slid, mm")
+
+    def rise(axes: Axes) -> None:
+        for path, end in made.items():
+            axes.plot(end.history.mean_pressure, end.history.shear_ratio, ".-", label=path)
+        axes.set(xlabel="mean contact pressure, kPa", ylabel="mean |shear| / mean pressure")
+        axes.legend()
+
+    name = f"limb_friction_{socket}"
+    return [
+        Figure(f"{name}_pressure", pressure, f"{socket}: contact pressure by path."),
+        Figure(f"{name}_shear", shear, f"{socket}: shear traction by path."),
+        Figure(f"{name}_slid", slid, f"{socket}: how far the skin slid on the socket."),
+        Figure(f"{name}_rise", rise, f"{socket}: shear as the pressure rises."),
+    ]
+
+
+def _mean_shear(line: ContactLine) -> FloatArray:
+    """Shear traction as a running mean over 3 mm, kPa."""
+    return running_mean(replace(line, pressure_kPa=line.shear_kPa))

@@ -1,0 +1,81 @@
+"""A body pushed to and fro: stick, slip, reversal against Mindlin and Deresiewicz."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from calfsocket.verification.fretting import (
+    LINE,
+    locked_shear,
+    loop_work,
+    partial_loop,
+    push,
+    sliding,
+    sliding_error,
+)
+from calfsocket.verification.hertz import press
+
+COARSE = replace(LINE, divisions=6.0)
+
+
+@pytest.fixture(scope="module")
+def loop():
+    return partial_loop(COARSE, steps=2)
+
+
+def test_work_of_a_loop_by_quadrature():
+    """The area between the two branches, each the first one doubled; any C cancels."""
+    force, largest, mu = 0.3, 0.08, COARSE.fric_coeff
+
+    def g(x, c=0.7):
+        change = [-p * np.log(p) / (np.pi * COARSE.modulus) for p in (force, force - x / mu)]
+        return c * x + mu * (change[0] - change[1])
+
+    def width(Q):
+        there = g(largest) - 2.0 * g(0.5 * (largest - Q))
+        back = -g(largest) + 2.0 * g(0.5 * (largest + Q))
+        return there - back
+
+    area = quad(width, -largest, largest, epsabs=1e-14)[0]
+    assert loop_work(COARSE, force, largest) == pytest.approx(area, rel=1e-9)
+    # Johnson 1985, section 7.4: without sliding it falls with the third power of Q1.
+    small = loop_work(COARSE, force, 2e-3) / loop_work(COARSE, force, 1e-3)
+    assert small == pytest.approx(8.0, rel=0.05)
+
+
+def test_locked_shear_carries_the_force():
+    pressed = press(COARSE)
+    limit = COARSE.fric_coeff * pressed.force
+    for share in (0.6, 0.0, -0.3):
+        state = replace(pressed, tangential=share * limit)
+        shear = locked_shear(state, 0.6 * limit)
+        assert -shear @ state.weight == pytest.approx(share * limit, abs=1e-3 * limit)
+
+
+def test_loop_without_sliding_is_mindlins(loop):
+    assert 0.4 < loop.largest / (COARSE.fric_coeff * loop.push.force[0]) < 0.6
+    assert abs(loop.work_error) < 0.03
+    assert abs(loop.closing_error) < 1e-3
+    assert loop.shear_error < 0.03
+
+
+def test_friction_takes_work_at_every_point(loop):
+    assert loop.push.work[3:].min() > 0
+    assert loop.push.least_work > -0.01
+
+
+def test_body_slides_at_the_limit_both_ways():
+    slid = sliding(replace(LINE, divisions=4.0), step=1.0)
+    assert sliding_error(slid) < 3e-3
+    assert slid.tangential[2] > 0 > slid.tangential[6]
+    assert slid.tangential[10] == pytest.approx(slid.tangential[2], rel=1e-3)
+
+
+def test_after_a_turn_it_sticks_as_at_first():
+    """Masing: the slope behind the turn is that of the start, twice the way for the same slip."""
+    there = push(COARSE, [0.2, -0.2], 0.2)
+    first = there.tangential[1] / there.way[1]
+    back = np.diff(there.tangential)[1:].sum() / np.diff(there.way)[1:].sum()
+    assert back == pytest.approx(first, rel=1e-3)

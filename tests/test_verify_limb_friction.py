@@ -1,0 +1,58 @@
+"""Friction on the limb: what depends on the load step and on the path, and what does not."""
+
+import numpy as np
+import pytest
+
+from calfsocket.case import Case
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.verification.limb_friction import FREE, Fitting, fit
+
+TSB, HS = Case("TSB", "separate"), Case("HS", "separate")
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def closed() -> Fitting:
+    return fit(TSB, "closed", 0.25)
+
+
+def test_shear_does_not_depend_on_the_load_step(closed):
+    """Points that stick do not creep, in however many steps."""
+    finer = fit(TSB, "closed", 0.05)
+    assert finer.shear_ratio == pytest.approx(closed.shear_ratio, rel=1e-3)
+    assert finer.mean_pressure == pytest.approx(closed.mean_pressure, rel=1e-5)
+
+
+def test_springs_creep_and_do_not_slip(closed):
+    soft, usual, stiff = (
+        fit(TSB, "stiffened", 0.1, contact=ContactParameters(gamma_t=ratio))
+        for ratio in (0.1, 0.5, 8.0)
+    )
+    assert soft.shear_ratio < 0.6 * usual.shear_ratio < 0.6 * stiff.shear_ratio
+    assert stiff.shear_ratio < closed.shear_ratio
+    for made in (soft, usual, stiff):
+        assert made.history.slip_share.max() < 0.01
+        assert made.mean_pressure == pytest.approx(closed.mean_pressure, rel=0.02)
+        assert made.negative_modes == 0
+
+
+def test_without_friction_all_paths_end_alike():
+    ends = [fit(TSB, path, 0.1, contact=FREE).line.pressure_kPa for path in ("closed", "stiffened")]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-5 * ends[0].max())
+
+
+def test_a_shrinking_socket_slides_first_and_holds_then(closed):
+    shrunk = fit(TSB, "shrunk", 0.05)
+    slips = shrunk.history.slip_share
+    assert slips.max() > 0.1 > slips.iloc[-1]
+    assert 0.02 < shrunk.shear_ratio < closed.shear_ratio
+    assert shrunk.mean_pressure == pytest.approx(closed.mean_pressure, rel=0.02)
+    assert shrunk.imbalance < 1e-6
+
+
+def test_friction_itself_moves_pressure_and_skin_in_the_tightest_socket():
+    rough, smooth = (fit(HS, "closed", 0.25, contact=ContactParameters(mu)) for mu in (0.4, 0.0))
+    moved = np.linalg.norm(rough.displacement - smooth.displacement, axis=1).max()
+    assert 1.0 < moved < 3.0
+    assert np.abs(rough.line.pressure_kPa - smooth.line.pressure_kPa).max() > 8.0
