@@ -46,9 +46,7 @@ def run(*command: str | Path, cwd: Path) -> str:
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of the checkout: building leaves artefacts behind."""
     copy = tmp_path_factory.mktemp("packaging") / "sources"
-    left_out = shutil.ignore_patterns(
-        ".*", "results*", "__pycache__", "*.egg-info", "build", "dist"
-    )
+    left_out = shutil.ignore_patterns(".*", "results", "__pycache__", "*.egg-info", "build", "dist")
     shutil.copytree(REPOSITORY, copy, ignore=left_out)
     return copy
 
