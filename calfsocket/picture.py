@@ -133,7 +133,7 @@ def draw(folder: Path) -> Path:
     axes = figure.add_axes((0.0, 0.08, 1.0, 7.0 / 8.0))
     _draw_section(axes, fields, window)
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)
-    levels = np.arange(1, int(highest / PRESSURE_STEP_KPA) + 1) * PRESSURE_STEP_KPA
+    levels = [PRESSURE_STEP_KPA * k for k in range(1, int(highest / PRESSURE_STEP_KPA) + 1)]
     band.draw(axes, levels, fontsize=7)
     drawing.mark_directions(axes, window, fontsize=9)
     drawing.scale_bar(axes, window, fontsize=8)

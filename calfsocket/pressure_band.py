@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 FILL = "#f4d6ae"
 EDGE = "#96540c"
-LEVEL_LINE = {"color": "#666666", "linewidth": 0.5, "dashes": (4, 3)}
+LEVEL_LINE: dict[str, Any] = {"color": "#666666", "linewidth": 0.5, "dashes": (4, 3)}
 
 
 def outward_normals(line: NDArray[np.float64], smooth_mm: float = 4.0) -> NDArray[np.float64]:

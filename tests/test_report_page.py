@@ -17,7 +17,7 @@ from calfsocket.report.damage import Thresholds
 from calfsocket.report.figures import PLANS, Drawn
 from calfsocket.report.results import read_results
 from calfsocket.study import attempt
-from report_results import contact_on, limb, write_results
+from report_results import contact_on, limb, limb_study, write_results
 
 # Reports on the page from within it; added to a copy, since the page itself has no script.
 PROBE = """<script>
@@ -195,6 +195,20 @@ def test_one_run_and_a_failure_still_get_a_page(one_run):
     assert "Merging" not in " ".join(seen.found["answer"])
     assert "What merging fascia and muscle changes" not in seen.found["headings"]
     assert "negative modes in HS_separate (2)" in seen.found["answer"][-1]
+
+
+def test_the_base_of_variants_compares_them(tmp_path, monkeypatch):
+    cases = limb_study((("TC", "separate"),))
+    for name in ("base", "frictionless"):
+        write_results(tmp_path / "variants" / name, cases)
+    monkeypatch.setattr(writing, "draw_figures", lambda _: [])
+    page = writing.write_report(tmp_path)
+    assert page == tmp_path / "variants" / "base" / "report.html"
+    assert (page.parent / "tables" / "dependence.csv").is_file()
+    for name in ("variants", "dependence", "claims_by_variant"):
+        assert f'<figure class="table" id="{name}">' in page.read_text()
+    other = writing.write_report(tmp_path / "variants" / "frictionless")
+    assert "dependence" not in other.read_text()
 
 
 def test_the_method_tells_settings_in_words(page):

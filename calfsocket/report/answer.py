@@ -107,8 +107,8 @@ def _tissue(results: Results, tissue: str) -> Line:
         parts.append(f"{value} ({', '.join(where)})")
     if not parts:
         return Line("", "")
-    where = f" in {most[0].socket}" if same else ""
-    return Line(names.TISSUES[tissue].capitalize(), f"Loaded most{where}: {_and(parts)}.")
+    socket = f" in {most[0].socket}" if same else ""
+    return Line(names.TISSUES[tissue].capitalize(), f"Loaded most{socket}: {_and(parts)}.")
 
 
 def _merging_and_pressure(changes: pd.DataFrame) -> Line:

@@ -58,7 +58,9 @@ CHAPTERS = (
     Chapter(
         "strain",
         "Strain",
-        "Shear strain is engineering shear, twice the tensor's component.",
+        "Shear strain is engineering shear, twice the tensor's component. Stiff fascia in soft "
+        "muscle buckles under little compression: waves along it are part of the result, stable "
+        "where a run counts no negative modes.",
         ("7", "table4"),
     ),
     Chapter(

@@ -17,7 +17,6 @@ from calfsocket.report.damage import Thresholds
 from calfsocket.report.results import RUN_FILE, Results, read_results
 from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, counts, scoreboard
 from calfsocket.report.table import Table, number, spread
-from calfsocket.report.tables import FOLDER as TABLES_FOLDER
 from calfsocket.report.tables import TIMES
 
 FOLDER = "variants"
@@ -147,15 +146,6 @@ def build(variants: Variants, thresholds: Thresholds | None = None) -> list[Tabl
         _claims_table(claims(boards)),
         _dependence_table(dependence(outcomes(variants))),
     ]
-
-
-def write(folder: Path, thresholds: Thresholds | None = None) -> Path:
-    """Write the tables of a study's variants from its folder; return where they are."""
-    variants = read_variants(folder)
-    place = variants.folder / TABLES_FOLDER
-    for table in build(variants, thresholds):
-        table.write(place)
-    return place
 
 
 def _choices_table(variants: Variants, data: pd.DataFrame) -> Table:

@@ -1,6 +1,7 @@
 """Figures 5, 6 and 8: what merging fascia and muscle changes, beside the paper's own numbers."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -37,7 +38,7 @@ SHORT = {
 
 LINEAR_TO_PCT = 100.0  # logarithmic beyond, where all of the range is shown
 LIMITED_PCT = 250.0
-PAPER = {"marker": "D", "markerfacecolor": "white", "markeredgecolor": "black"}
+PAPER: dict[str, Any] = {"marker": "D", "markerfacecolor": "white", "markeredgecolor": "black"}
 
 
 def of_maxima(results: Results) -> Figure:

@@ -1,5 +1,7 @@
 """Figures 1 and 2: the section with its regions named, and the sockets laid over the limb."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -35,7 +37,7 @@ TISSUE_COLOURS = {
 LIMB = "#d9d9d9"
 BONE_DARK = "#8c8c8c"
 OVERLAP = "#d55e00"
-EDGE = {"edgecolor": "black", "linewidth": 0.4}
+EDGE: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.4}
 
 ROOM_FOR_NUMBER_MM = 2.2  # radius that a number of two digits needs
 
@@ -58,8 +60,11 @@ def regions(results: Results) -> Figure:
     for number, place, target in _number_places(fields, names):
         if target is not None:
             axes.plot(*zip(place, target, strict=True), color="black", linewidth=0.5, zorder=4)
-        axes.text(*place, str(number), ha="center", va="center", fontsize=6.5, zorder=5,
-                  path_effects=[withStroke(linewidth=1.6, foreground="white")])  # fmt: skip
+        x, y = place
+        halo = [withStroke(linewidth=1.6, foreground="white")]
+        axes.text(
+            x, y, str(number), ha="center", va="center", fontsize=6.5, zorder=5, path_effects=halo
+        )
     drawing.scale_bar(axes, window, fontsize=6.5, margin=0.5)
     _draw_names(figure, fields, names, left=size + 4)
     compass(figure)
@@ -180,6 +185,6 @@ def _areas(path: Path) -> list[float]:
     """Area within each closed curve of a path, mm^2."""
     areas = []
     for polygon in path.to_polygons(closed_only=True):
-        x, y = polygon.T
+        x, y = np.asarray(polygon).T
         areas.append(0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))))
     return areas

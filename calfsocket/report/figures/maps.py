@@ -1,6 +1,7 @@
 """Figures 4 and 7: a field over the deformed section, material sets by sockets."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -20,7 +21,7 @@ from calfsocket.section_fields import SectionFields
 
 PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
 MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}
-MARKER = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.6}
+MARKER: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.6}
 
 
 @dataclass(frozen=True)
