@@ -79,10 +79,12 @@ def _contact(results: Results) -> Line:
         number(results.value(socket, material_set, "skin", "contact_pressure_mean"))
         for socket in peaks.socket
     ]
-    largest = [f"{number(row.value)} ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()]
+    largest = [
+        f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
+    ]
     return Line(
         "Contact pressure",
-        f"On average {_and(means)} kPa in {_and(peaks.socket)}; at most {_and(largest)} kPa "
+        f"On average {_and(means)} kPa in {_and(peaks.socket)}; at most {_and(largest)} "
         f"({names.SETS[material_set]} set; the leg bears no weight).",
     )
 

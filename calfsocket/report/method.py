@@ -39,7 +39,7 @@ def summary(results: Results) -> str:
         f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
     )
     return (
-        f"{len(results.cases)} runs: {runs}. Mesh “{settings['size']}”, socket "
+        f"{runs}. Mesh “{settings['size']}”, socket "
         f"{settings['socket_support'].replace('-', ' ')}, friction "
         f"{settings['contact']['fric_coeff']:g}, fascia's C10 {settings['fascia_c10']}, "
         f"Ogden form {settings['ogden_form']}."

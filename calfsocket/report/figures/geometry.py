@@ -141,9 +141,8 @@ def overlays(results: Results) -> Figure:
     height = width * (window[3] - window[2]) / (window[1] - window[0])
     bottom = 22.0
     figure = new_figure(TOP_MM + height + bottom)
-    indent = 0.5 * (WIDTH_MM - width * len(section))
     for j, socket in enumerate(results.sockets):
-        axes = add_axes(figure, indent + j * width, bottom, width, height)
+        axes = add_axes(figure, j * width, bottom, width, height)
         drawing.frame(axes, window)
         axes.set_title(socket_title(socket), pad=3)
         lost = _draw_overlay(axes, section[socket])

@@ -49,11 +49,10 @@ def case_panels(
     width = min((WIDTH_MM - LEFT_MM) / columns, LARGEST_PANEL_MM)
     height = width * (window[3] - window[2]) / (window[1] - window[0])
     figure = new_figure(TOP_MM + rows * height + KEY_MM)
-    indent = LEFT_MM + 0.5 * (WIDTH_MM - LEFT_MM - columns * width)
     for i, material_set in enumerate(results.material_sets):
         bottom = KEY_MM + (rows - 1 - i) * height
         for j, socket in enumerate(results.sockets):
-            axes = add_axes(figure, indent + j * width, bottom, width, height)
+            axes = add_axes(figure, LEFT_MM + j * width, bottom, width, height)
             drawing.frame(axes, window)
             if (socket, material_set) in results.cases:
                 draw(axes, (socket, material_set))
@@ -63,7 +62,7 @@ def case_panels(
                 axes.set_title(socket_title(socket), pad=3)
             if i == rows - 1 and j == 0:
                 drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
-        label = add_axes(figure, indent - LEFT_MM, bottom, LEFT_MM, height)
+        label = add_axes(figure, 0.0, bottom, LEFT_MM, height)
         drawing.frame(label, (0, LEFT_MM, 0, height))
         label.text(
             LEFT_MM / 2, height / 2, f"{SET_NAMES[material_set]} set",
