@@ -22,7 +22,7 @@ Pushed farther, the disc slides at |Q| = mu P, both ways. Bodies that are not ha
 little under the shear, and with them the direction in which P and Q are told apart: the theory has
 its limit at 1e-3 here.
 
-Mindlin and Deresiewicz 1953, doi:10.1115/1.4010702; Jaeger 1998, doi:10.1115/1.2789018; Johnson,
+Mindlin and Deresiewicz 1953, doi:10.1115/1.4010702; Jaeger 1998, doi:10.1115/1.2833765; Johnson,
 Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, section 7.4.
 """
 
@@ -33,6 +33,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
+from scipy.special import xlogy
 
 from calfsocket.meshes.blocks import LIMB
 from calfsocket.verification.hertz import PARTIAL_SLIP, SHARE, Line, Pressed, read, root_mean
@@ -41,7 +42,7 @@ from calfsocket.verification.report import Check, Figure, Section
 FloatArray = NDArray[np.float64]
 
 MINDLIN = "Mindlin, Deresiewicz 1953"
-LINE = replace(PARTIAL_SLIP, divisions=8.0)
+LINE = replace(PARTIAL_SLIP, divisions=6.0)
 
 
 @dataclass(frozen=True)
@@ -112,30 +113,34 @@ def push(line: Line, turns: list[float], step: float) -> Push:
     return Push(line, np.array(way), tuple(states), np.array(work), least)
 
 
+def give(line: Line, force: float, tangential: FloatArray) -> FloatArray:
+    """Return g(Q) in mm under the force P, both forces in N/mm."""
+
+    def f(p: FloatArray) -> FloatArray:
+        p = np.maximum(p, 0.0)  # rounding where all of the contact slips
+        return -xlogy(p, p) / (math.pi * line.modulus)
+
+    mu = line.fric_coeff
+    return np.asarray(mu * (f(np.array(force)) - f(force - tangential / mu)))
+
+
 def loop_work(line: Line, force: float, largest: float) -> float:
     """W of a loop between -`largest` and `largest` under `force`, all in N/mm."""
-    mu = line.fric_coeff
-
-    def f_integral(p: float) -> float:  # of f from 0
-        return -(0.5 * p**2 * math.log(p) - 0.25 * p**2) / (math.pi * line.modulus) if p else 0.0
-
-    def f(p: float) -> float:
-        return -p * math.log(p) / (math.pi * line.modulus) if p else 0.0
-
-    rest = force - largest / mu
-    g = mu * (f(force) - f(rest))
-    g_integral = mu * (largest * f(force) - mu * (f_integral(force) - f_integral(rest)))
-    return 4.0 * largest * g - 8.0 * g_integral
+    at, weight = np.polynomial.legendre.leggauss(40)
+    area = 0.5 * largest * float(weight @ give(line, force, 0.5 * largest * (1.0 + at)))
+    return 4.0 * largest * float(give(line, force, np.array(largest))) - 8.0 * area
 
 
-def locked_shear(state: Pressed, largest: float) -> FloatArray:
-    """Return q on the skin after Q came from `largest` back to that of `state`, edge means, MPa."""
+def locked_shear(state: Pressed, largest: float, x: FloatArray, length: FloatArray) -> FloatArray:
+    """Return q on the skin after Q came from `largest` back to that of `state`, MPa.
+
+    As means over edges of a `length` about x, both in mm.
+    """
     line, a = state.line, state.exact_half_width
     limit = line.fric_coeff * state.force
-    x, length = state.x / a, state.weight / a
 
     def root(ratio: float) -> FloatArray:
-        return ratio * root_mean(x / ratio, length / ratio)
+        return ratio * root_mean(x / (ratio * a), length / (ratio * a))
 
     first = math.sqrt(1.0 - largest / limit)
     back = math.sqrt(1.0 - (largest - state.tangential) / (2.0 * limit))
@@ -184,7 +189,7 @@ def partial_loop(line: Line, share: float = SHARE, steps: int = 4) -> Loop:
     errors = []
     for i in range(top, low + 1):
         state = pushed.states[i]
-        difference = state.shear - locked_shear(state, float(Q[top]))
+        difference = state.shear - locked_shear(state, float(Q[top]), state.x, state.weight)
         errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
     return Loop(
         push=pushed,
@@ -210,38 +215,53 @@ def sliding_error(pushed: Push) -> float:
 
 def report() -> Section:
     """Measure the loops of a disc pushed to and fro, without and with sliding."""
-    partial, slid = partial_loop(LINE), sliding(LINE)
+    partial, slid = partial_loop(PARTIAL_SLIP, steps=3), sliding(LINE)
     checks = [
         Check("loop without sliding: work of friction", partial.work_error, 0.02, "", MINDLIN),
         Check("loop without sliding: it closes", partial.closing_error, 1e-3, "", "Masing"),
         Check("shear on the way back, over mu p0", partial.shear_error, 0.02, "", MINDLIN),
-        Check("sliding: |Q| over mu P, less 1", sliding_error(slid), 2e-3, "", "Coulomb"),
+        Check("sliding: Q over mu P, less 1", sliding_error(slid), 2e-3, "", "Coulomb"),
         Check(
             "work of friction, negative part",
             min(partial.push.least_work, slid.least_work),
-            1e-3,
+            1e-2,
             "",
             "second law",
         ),
     ]
 
     def loops(axes: Axes) -> None:
-        for pushed, mark in ((slid, "s"), (partial.push, "o")):
-            unit = pushed.line.fric_coeff * pushed.line.approach()
-            limit = pushed.line.fric_coeff * pushed.force
-            axes.plot(pushed.way / unit, pushed.tangential / limit, mark + "-", ms=4)
-        axes.axhline(1.0, c="0.6", lw=1)
-        axes.axhline(-1.0, c="0.6", lw=1)
+        unit, limit = LINE.fric_coeff * LINE.approach(), LINE.fric_coeff * slid.force[0]
+        top = partial.largest
+        elastic = partial.push.way[partial.top] - give(LINE, slid.force[0], np.array(top))
+        for pushed, largest, mark in ((partial.push, top, "o"), (slid, limit, "s")):
+            back = np.linspace(0.0, 2.0 * largest, 101)  # by how much Q fell since the turn
+            way = pushed.way.max() - elastic / top * back
+            way = way - 2.0 * give(LINE, slid.force[0], 0.5 * back)
+            Q = largest - back
+            if pushed is slid:
+                way, Q = np.append(way, -pushed.way.max()), np.append(Q, -largest)
+            for sign in (1.0, -1.0):
+                axes.plot(sign * way / unit, sign * Q / limit, "k-", lw=1)
+            axes.plot(pushed.way / unit, pushed.tangential / limit, mark, ms=4)
+        first = np.linspace(0.0, limit, 101)
+        axes.plot(
+            (elastic / top * first + give(LINE, slid.force[0], first)) / unit,
+            first / limit,
+            "k-",
+            lw=1,
+        )
         axes.set(xlabel="way of the core / (mu approach)", ylabel="Q / (mu P)")
 
     def locked(axes: Axes) -> None:
         for i, name in ((partial.top, "Q = Q1"), (partial.locked, "back at Q = 0")):
             state = partial.push.states[i]
             a = state.exact_half_width
-            scale = state.line.fric_coeff * state.line.peak_of(state.force)
-            exact = locked_shear(state, partial.largest)
-            (line,) = axes.plot(state.x / a, -state.shear / scale, "o", label=f"computed, {name}")
-            axes.plot(state.x / a, -exact / scale, "-", c=line.get_color(), label=f"exact, {name}")
+            scale = -state.line.fric_coeff * state.line.peak_of(state.force)
+            x: FloatArray = a * np.linspace(-1.5, 1.5, 1201)
+            exact = locked_shear(state, partial.largest, x, np.full_like(x, 1e-6 * a))
+            axes.plot(x / a, exact / scale, "k-", lw=1)
+            axes.plot(state.x / a, state.shear / scale, "o", label=name)
         axes.set(xlabel="x / a", ylabel="q / (mu p0)", xlim=(-1.5, 1.5))
         axes.legend()
 
@@ -250,7 +270,15 @@ def report() -> Section:
         text=__doc__ or "",
         checks=checks,
         figures=[
-            Figure("fretting_loop", loops, "Tangential force without sliding, and with it."),
-            Figure("fretting_shear", locked, "Shear traction at the turn and back at Q = 0."),
+            Figure(
+                "fretting_loop",
+                loops,
+                "Tangential force of two loops, and theory with C of the smaller.",
+            ),
+            Figure(
+                "fretting_shear",
+                locked,
+                "Shear traction at the turn and back at Q = 0, and theory.",
+            ),
         ],
     )

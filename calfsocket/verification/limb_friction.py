@@ -9,14 +9,22 @@ and the path is part of the model. Here the same limb comes into the same socket
 - *closed*, the study's: all gaps are closed in proportion. The skin sticks from the first load
   step, all of its motion along the socket still ahead, and slides where shear reaches mu p.
 - *shrunk*: a swollen socket is let go and shrinks to its size. The spots that it touches first are
-  pressed by little and slide while it finds its place; then it holds them, too.
+  pressed by little and slide while it finds its place; a spot that is touched late has had a part
+  of its motion before. Then the skin sticks, too.
 - *stiffened*: the whole overclosure is there at once, and contact stiffens. Hardly a point ever
   reaches mu p. All the same the shear is the least of all, for the skin moves along the socket on
   the tangential springs while these are soft, and keeps what they hold as the pressure rises. This
-  is creep and no slip: it depends on the ratio e_t/e of tangential to normal springs, a number of
-  the method. The stiffer they are the nearer the shear comes to that of closed gaps.
+  is creep and no slip: it depends on the ratio e_t/e of tangential to normal springs, 0.5 unless
+  said, a number of the method and not of the skin. The stiffer they are the nearer the shear comes
+  to that of closed gaps.
 
-Mean pressure, which the area loss and the bulk moduli fix, hardly feels any of this.
+The shear has the same pattern on all paths; its size differs. Mean pressure, which the area loss
+and the bulk moduli fix, hardly feels any of this.
+
+In the tightest socket, HS, the stiffened path ends on another branch, besides. The deep fascia
+behind, where it waves in any case, finds no equilibrium near the last one when four fifths of the
+pressure are reached, and snaps into waves at other places; dashpots carry the limb over. Local
+pressure and displacement then differ by far more than friction makes of them on one branch.
 """
 
 from collections.abc import Callable
@@ -41,6 +49,7 @@ from calfsocket.contact.friction import OPEN, SLIP
 from calfsocket.contact.nitsche import ContactParameters, ContactState
 from calfsocket.contact_line import ContactLine
 from calfsocket.gather import KILOPASCAL, contact_line, section_fields
+from calfsocket.meshes import tags
 from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
@@ -70,7 +79,7 @@ class Fitting:
     summary : DataFrame
         Rows of summary.csv.
     displacement : (n, 2)
-        Of the nodes, mm.
+        Of the limb's nodes, mm; a socket without friction is free to turn.
     history : DataFrame
         By converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share.
     slid : (m,)
@@ -165,12 +174,13 @@ def fit(
     stepper.run()
     fields, line = section_fields(model, tissues), contact_line(model)
     assert fields is not None and line is not None  # on one rank
+    limb_nodes = np.unique(fields.cells[fields.region != section.regions[tags.SOCKET]])
     imbalance, pressing = model.force_balance(stepper.solver.x)
     order = cKDTree(model.contact.deformed_points()).query(np.stack([line.x_mm, line.y_mm], 1))[1]
     return Fitting(
         line=line,
         summary=summary_rows(fields, line, *case.key),
-        displacement=fields.displacement,
+        displacement=fields.displacement[limb_nodes],
         history=pd.DataFrame(history),
         slid=slid[order],
         imbalance=imbalance / pressing,
@@ -193,10 +203,9 @@ def _history_row(load: float, state: ContactState, weight: FloatArray) -> dict[s
 #: Sockets, in the Separate set.
 SOCKETS = ("TSB", "HS")
 #: Largest load steps; the last is the one that is shown.
-STEPS = {"closed": (0.25, 0.1), "stiffened": (0.1, 0.05), "shrunk": (0.05,)}
+STEPS = {"closed": (0.25, 0.1), "stiffened": (0.05,), "shrunk": (0.05,)}
 #: Ratios e_t/e of the springs.
 SPRINGS = (0.1, 2.0, 8.0)
-STEP_BARS = {"closed": 0.01, "stiffened": 0.1}
 TISSUES = (
     ("skin", "effective_stress", "kPa"),
     ("fat", "amp_log_strain", "%"),
@@ -227,18 +236,19 @@ def report(size: str = "coarse") -> Section:
             if len(fits) > 1:
                 change = fits[-2].shear_ratio / fits[-1].shear_ratio - 1.0
                 name = f"{socket}, {path}: shear over pressure, step {steps[-2]} for {steps[-1]}"
-                checks.append(Check(name, change, STEP_BARS[path], "", SAME))
+                checks.append(Check(name, change, 0.01, "", SAME))
         ends[NO_FRICTION] = fit(case, "closed", 0.1, size, FREE)
         rows.append(_row(case, NO_FRICTION, 0.1, ends[NO_FRICTION]))
         checks += _end_checks(socket, ends)
         figures += _figures(socket, ends)
-        findings.append(_finding(socket, ends["closed"], ends[NO_FRICTION]))
-    case, step = Case("TSB", "separate"), STEPS["stiffened"][-1]
+        findings.append(_finding(socket, ends))
+    case = Case("TSB", "separate")
+    rows.append(_row(case, "stiffened", 0.1, fit(case, "stiffened", 0.1, size)))
     for ratio in SPRINGS:
         springs = ContactParameters(gamma_t=ratio * FREE.gamma)
-        made = fit(case, "stiffened", step, size, springs)
-        rows.append(_row(case, f"stiffened, e_t/e = {ratio:g}", step, made))
-    smooth = fit(case, "stiffened", STEPS["stiffened"][0], size, FREE).line
+        made = fit(case, "stiffened", 0.05, size, springs)
+        rows.append(_row(case, f"stiffened, e_t/e = {ratio:g}", 0.05, made))
+    smooth = fit(case, "stiffened", 0.1, size, FREE).line
     exact = fit(case, "closed", 0.1, size, FREE).line
     difference = np.abs(smooth.pressure_kPa - exact.pressure_kPa).max() / exact.pressure_kPa.max()
     name = "TSB without friction, stiffened: largest difference of pressure"
@@ -277,13 +287,18 @@ def _end_checks(socket: str, ends: dict[str, Fitting]) -> list[Check]:
     ]
 
 
-def _finding(socket: str, rough: Fitting, smooth: Fitting) -> str:
-    """Say what friction itself does."""
-    moved = np.linalg.norm(rough.displacement - smooth.displacement, axis=1).max()
-    pressure = np.abs(rough.line.pressure_kPa - smooth.line.pressure_kPa).max()
+def _finding(socket: str, ends: dict[str, Fitting]) -> str:
+    """Say how far each path ends from the study's."""
+    closed, others = ends["closed"], []
+    for path, made in ends.items():
+        if path == "closed":
+            continue
+        moved = np.linalg.norm(made.displacement - closed.displacement, axis=1).max()
+        pressure = np.abs(made.line.pressure_kPa - closed.line.pressure_kPa).max()
+        others.append(f"{pressure:.1f} kPa and {moved:.2f} mm ({path})")
     return (
-        f"{socket}: between friction by closed gaps and no friction, local pressure differs by up "
-        f"to {pressure:.1f} kPa and displacement by up to {moved:.1f} mm."
+        f"{socket}: from closed gaps, local pressure and displacement of the limb differ by up to "
+        f"{', '.join(others)}."
     )
 
 
@@ -314,24 +329,30 @@ def _markdown(rows: list[dict[str, str]]) -> str:
 
 def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
     """Pressure, shear and slip along the skin, and shear as the pressure rises."""
+    rough = {path: end for path, end in made.items() if path != NO_FRICTION}
 
-    def along(axes: Axes, values: Callable[[Fitting], FloatArray], label: str) -> None:
-        for path, end in made.items():
+    def along(
+        axes: Axes,
+        ends: dict[str, Fitting],
+        values: Callable[[Fitting], FloatArray],
+        label: str,
+    ) -> None:
+        for path, end in ends.items():
             axes.plot(end.line.arc_mm, values(end), label=path, lw=1.2)
         axes.set(xlabel="along the skin from lateral, by anterior, mm", ylabel=label)
         axes.legend()
 
     def pressure(axes: Axes) -> None:
-        along(axes, lambda end: running_mean(end.line), "contact pressure (3 mm mean), kPa")
+        along(axes, made, lambda end: running_mean(end.line), "contact pressure (3 mm mean), kPa")
 
     def shear(axes: Axes) -> None:
-        along(axes, lambda end: _mean_shear(end.line), "shear traction (3 mm mean), kPa")
+        along(axes, rough, lambda end: _mean_shear(end.line), "shear traction (3 mm mean), kPa")
 
     def slid(axes: Axes) -> None:
-        along(axes, lambda end: end.slid, "way slid, mm")
+        along(axes, rough, lambda end: end.slid, "way slid, mm")
 
     def rise(axes: Axes) -> None:
-        for path, end in made.items():
+        for path, end in rough.items():
             axes.plot(end.history.mean_pressure, end.history.shear_ratio, ".-", label=path)
         axes.set(xlabel="mean contact pressure, kPa", ylabel="mean |shear| / mean pressure")
         axes.legend()
