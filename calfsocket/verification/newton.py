@@ -3,10 +3,10 @@ r"""How Newton's method converges: in every solve of a subject, and at a solutio
 With the exact tangent |F| after an iteration is C |F|^2 before it, close to the solution. Three
 things hide that in a run of a few iterations: far from the solution other terms count; below some
 1e-9 N/mm, the program's tolerance, rounding does; and a contact point that opens, closes, sticks,
-slips, or passes to the next edge of the socket has another residual, with a kink in between; where
-a full step would increase |F| across kinks, the line search cuts it. So what is looked at in every
-solve is how far its last iteration goes, and in its last two iterations which ones are whole steps
-without such a change, and what C is. The order itself is measured at a solution: |F| after one
+slips, or passes to the next edge of the socket has another residual, with a kink in between. And a
+step that would increase |F| is cut by the line search. So what is looked at in every solve is how
+far its last iteration goes, and in its last two iterations which ones are whole steps without such
+a change, and what C is. The order itself is measured at a solution: |F| after one
 iteration from points closer and closer to it.
 """
 
