@@ -64,6 +64,9 @@ def _throw_away_leftovers(folder: Path) -> None:
 
     From here on this process is a user of the cache: it shares a lock as long as it lives.
     """
+    for marker in folder.glob("*.c.cached"):
+        if not marker.with_suffix("").exists():
+            marker.unlink()  # dolfinx compiles anew, and then fails to make the marker
     if folder in _used:
         return
     _used[folder] = (folder / ".users").open("a")

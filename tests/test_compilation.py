@@ -27,13 +27,14 @@ def test_only_what_a_dead_process_left_half_compiled_is_thrown_away(
     monkeypatch.setattr(compilation, "_use_all_forms", lambda _: None)
     monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", {})
-    for name in ("half.c", "whole.c", "whole.c.cached"):
+    for name in ("half.c", "whole.c", "whole.c.cached", "marker.c.cached"):
         (tmp_path / name).touch()
     with (tmp_path / ".users").open("a") as other:
         if another_lives:
             fcntl.flock(other, fcntl.LOCK_SH)
         compilation.warm(MPI.COMM_SELF)
         assert (tmp_path / "half.c").exists() == another_lives
-        assert (tmp_path / "whole.c").exists()
+        assert (tmp_path / "whole.c").exists() and (tmp_path / "whole.c.cached").exists()
+        assert not (tmp_path / "marker.c.cached").exists()
         with pytest.raises(BlockingIOError):  # we live: nobody else is alone
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
