@@ -29,7 +29,9 @@ SUBJECTS = (
     "contact_patch",
     "hertz",
     "friction",
+    "fretting",
     "limb",
+    "limb_friction",
 )
 """Modules of this package with a function ``report() -> Section``, in the order of the page."""
 
