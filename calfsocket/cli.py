@@ -311,23 +311,26 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     for each in studies:
         _on_first_rank(comm, partial(check_folder, each, arguments.overwrite))
     console = Console(stderr=True)
+    log = logging.getLogger("calfsocket")
     if comm.rank == 0:
         if console.is_terminal:
             handler: logging.Handler = RichHandler(console=console, show_path=False)
         else:
             handler = logging.StreamHandler()
             handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-        logging.basicConfig(level=logging.INFO, handlers=[handler])
+        logging.basicConfig(level=logging.WARNING, handlers=[handler])
+        # What other packages tell of themselves is not for the user of this one.
+        log.setLevel(logging.INFO)
     solved = []
     for each in studies:
-        logging.info("results go to %s", each.out)
+        log.info("results go to %s", each.out)
         solved.append(run_study(comm, each, arguments.ranks_per_case, console))
     if comm.rank == 0 and not arguments.no_report:
         from calfsocket.report.writing import write_report
 
         study = studies[0]  # the base, where there are variants: its page compares them
         with attempt(f"no report in {study.out}"):
-            logging.info("report: %s", write_report(study.out))
+            log.info("report: %s", write_report(study.out))
     return OK if all(solved) else CASE_FAILED
 
 
