@@ -18,13 +18,15 @@ and the path is part of the model. Here the same limb comes into the same socket
   said, a number of the method and not of the skin. The stiffer they are the nearer the shear comes
   to that of closed gaps.
 
-The shear has the same pattern on all paths; its size differs. Mean pressure, which the area loss
-and the bulk moduli fix, hardly feels any of this.
+The shear has the same pattern on all paths that end on one branch; its size differs. Of the tissues
+only the skin feels that, whose largest stress is halved; the others change by a few per cent. Mean
+pressure, which the area loss and the bulk moduli fix, hardly feels any of it.
 
 In the tightest socket, HS, the stiffened path ends on another branch, besides. The deep fascia
 behind, where it waves in any case, finds no equilibrium near the last one when four fifths of the
-pressure are reached, and snaps into waves at other places; dashpots carry the limb over. Local
-pressure and displacement then differ by far more than friction makes of them on one branch.
+pressure are reached, and snaps into waves at other places; dashpots carry the limb over. Both
+branches are stable. Local pressure and displacement differ between them by as much as leaving
+friction out makes of them at the front.
 """
 
 from collections.abc import Callable
@@ -314,7 +316,7 @@ def _row(case: Case, path: str, step: float, made: Fitting) -> dict[str, str]:
         "largest, kPa": f"{made.peak_pressure:.1f}",
         "shear / pressure": f"{made.shear_ratio:.4f}",
         "slips at the end": f"{np.average(line.status == 'slip', weights=line.weight_mm):.3f}",
-        "slid, mm": f"{np.average(made.slid, weights=line.weight_mm):.2f}",
+        "slid, um": f"{1e3 * np.average(made.slid, weights=line.weight_mm):.1f}",
     } | {
         f"{tissue}, {unit}": f"{made.maximum(tissue, outcome):.3g}"
         for tissue, outcome, unit in TISSUES
@@ -346,10 +348,20 @@ def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
         along(axes, made, lambda end: running_mean(end.line), "contact pressure (3 mm mean), kPa")
 
     def shear(axes: Axes) -> None:
-        along(axes, rough, lambda end: _mean_shear(end.line), "shear traction (3 mm mean), kPa")
+        along(
+            axes,
+            rough,
+            lambda end: _mean_along(end.line, end.line.shear_kPa),
+            "shear traction (3 mm mean), kPa",
+        )
 
     def slid(axes: Axes) -> None:
-        along(axes, rough, lambda end: end.slid, "way slid, mm")
+        along(
+            axes,
+            rough,
+            lambda end: 1e3 * _mean_along(end.line, end.slid),
+            "way slid (3 mm mean), um",
+        )
 
     def rise(axes: Axes) -> None:
         for path, end in rough.items():
@@ -366,6 +378,6 @@ def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
     ]
 
 
-def _mean_shear(line: ContactLine) -> FloatArray:
-    """Shear traction as a running mean over 3 mm, kPa."""
-    return running_mean(replace(line, pressure_kPa=line.shear_kPa))
+def _mean_along(line: ContactLine, values: FloatArray) -> FloatArray:
+    """Average values over 3 mm of the skin, as contact pressure is."""
+    return running_mean(replace(line, pressure_kPa=values))
