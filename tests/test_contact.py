@@ -62,14 +62,14 @@ def test_projection_on_a_circle_is_radial(distance):
     np.testing.assert_allclose(np.linalg.norm(at.point, axis=1), radius, atol=1e-6)
     np.testing.assert_allclose(at.normal, -direction, atol=2e-5)
     np.testing.assert_allclose(at.arc, radius * angle, atol=1e-5)
-    assert chain.circumference == pytest.approx(2 * np.pi * radius, rel=1e-8)
+    assert chain.length == pytest.approx(2 * np.pi * radius, rel=1e-8)
     assert np.all(np.abs(at.xi) <= 1 + 1e-6)
 
 
 def test_slip_is_measured_the_short_way_round():
     chain = EdgeChain.from_edges(circle_edges(160, 1.0))
     slip = chain.slip(np.array([0.1, 6.2]), np.array([6.2, 0.1]))
-    expected = 0.1 - 6.2 + chain.circumference
+    expected = 0.1 - 6.2 + chain.length
     np.testing.assert_allclose(slip, [expected, -expected], rtol=1e-12)
 
 

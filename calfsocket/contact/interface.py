@@ -37,6 +37,8 @@ def edge_parameters() -> FloatArray:
     return np.polynomial.legendre.leggauss(GAUSS_POINTS)[0]
 
 
+# Row or column of a matrix that PETSc leaves out: that of a held unknown.
+_LEFT_OUT = -1
 # Vertices and mid-side node of each edge of the reference triangle, and its direction.
 _EDGE_VERTICES = np.array([[1, 2], [0, 2], [0, 1]])
 _EDGE_DIRECTION = np.array([[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
@@ -54,11 +56,14 @@ class Face:
         Undeformed vertices and mid-side node, in mm.
     dofs : (m, 3, 2)
         Local index of each node's displacement components.
+    inside : (m, 2)
+        Undeformed vertex of the edge's cell that is not on the edge, in mm.
     """
 
     entities: NDArray[np.int32]
     nodes: FloatArray
     dofs: NDArray[np.int32]
+    inside: FloatArray
 
     @classmethod
     def of(cls, V: fem.FunctionSpace, facet_tags: mesh.MeshTags, tag: int) -> "Face":
@@ -95,7 +100,9 @@ class Face:
             axis=2,
         )
         nodes = np.asarray(domain.geometry.x[geometry_nodes][:, :, :2], dtype=np.float64)
-        return cls(entities, nodes, dofs)
+        # The vertex opposite to an edge has the edge's local number.
+        inside = np.asarray(domain.geometry.x[domain.geometry.dofmap[cells, local], :2])
+        return cls(entities, nodes, dofs, inside.reshape(-1, 2))
 
 
 class ContactInterface:
@@ -159,8 +166,9 @@ class ContactInterface:
         self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
         self.points, self._normal = self._skin_points(on_edge)
         cell_dofs = V.dofmap.list[self.skin.entities[:, 0]]
-        rows = _global(V.dofmap.index_map, cell_dofs)
-        rows[constrained[cell_dofs]] = -1
+        dofs = _global(V.dofmap.index_map, cell_dofs)
+        self._skin_dofs = np.repeat(dofs, GAUSS_POINTS, axis=0)
+        rows = np.where(constrained[cell_dofs], _LEFT_OUT, dofs)
         self._skin_rows = np.repeat(rows, GAUSS_POINTS, axis=0)
 
         position = self.deformed_points()
@@ -174,12 +182,15 @@ class ContactInterface:
     def _set_up_socket(self, face: Face, constrained: NDArray[np.bool_]) -> None:
         """Share the socket's edges with all ranks and string them to one chain."""
         index_map = self._w.function_space.dofmap.index_map
-        rows = _global(index_map, face.dofs)
-        rows[constrained[face.dofs]] = -1  # PETSc ignores negative rows and columns
-        nodes = np.concatenate(self._comm.allgather(face.nodes))
-        rows = np.concatenate(self._comm.allgather(rows))
-        self._chain_order = order_chain(nodes)
+        dofs = _global(index_map, face.dofs)
+        rows = np.where(constrained[face.dofs], _LEFT_OUT, dofs)
+        nodes, dofs, rows, inside = (
+            np.concatenate(self._comm.allgather(part))
+            for part in (face.nodes, dofs, rows, face.inside)
+        )
+        self._chain_order = order_chain(nodes, inside)
         self.chain = EdgeChain.from_edges(along_chain(nodes, *self._chain_order))
+        self._socket_dofs = along_chain(dofs, *self._chain_order).reshape(-1, 6)
         self._socket_rows = along_chain(rows, *self._chain_order).reshape(-1, 6)
         self._socket_face = face
 
@@ -211,11 +222,9 @@ class ContactInterface:
             shape=shape.reshape(-1, 2, self._w.function_space.element.space_dimension),
         )
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-        # Which side is out depends on the facet and on the cell's orientation: the vertex opposite
-        # to the edge (of the same local number) is inside.
-        opposite = domain.geometry.dofmap[entities[:, 0], entities[:, 1]]
-        inside = np.asarray(domain.geometry.x[opposite, :2]).reshape(-1, 2)
-        inward = np.sum(normal * (np.repeat(inside, GAUSS_POINTS, axis=0) - reference), axis=1) > 0
+        # Which side is out depends on the facet and on the cell's orientation.
+        inside = np.repeat(self.skin.inside, GAUSS_POINTS, axis=0)
+        inward = np.sum(normal * (inside - reference), axis=1) > 0
         return points, np.where(inward[:, None], -normal, normal)
 
     def deformed_points(self) -> FloatArray:
@@ -272,9 +281,10 @@ class ContactInterface:
         """Add the contact residual to an assembled vector (collective)."""
         state = self.state()
         skin, socket = nitsche.residual(self.points, state)
-        b.setValues(self._skin_rows, skin, addv=PETSc.InsertMode.ADD_VALUES)
+        # Held unknowns, too: their residual is the force that holds them.
+        b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
         b.setValues(
-            self._socket_rows[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
+            self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
         )
         b.assemble()
         return state
@@ -306,11 +316,9 @@ class ContactInterface:
     def add_pattern(self, A: PETSc.Mat) -> None:
         """Insert zeros wherever contact may couple within `PATTERN_REACH` of slip (collective)."""
         edge = self.state().projection.edge.reshape(-1, GAUSS_POINTS)
-        n_edges = len(self.chain.start)
-        ahead = int(np.ceil(PATTERN_REACH * n_edges / self.chain.circumference))
+        ahead = int(np.ceil(PATTERN_REACH * len(self.chain.start) / self.chain.length))
         for rows, edges in zip(self._skin_rows[::GAUSS_POINTS], edge, strict=True):
-            window = np.unique((edges[:, None] + np.arange(-ahead, ahead + 1)) % n_edges)
-            columns = np.unique(self._socket_rows[window])
+            columns = np.unique(self._socket_rows[self.chain.around(edges, ahead)])
             zeros = np.zeros((len(rows), len(columns)))
             A.setValues(rows, columns, zeros, addv=PETSc.InsertMode.ADD_VALUES)
             A.setValues(columns, rows, zeros.T, addv=PETSc.InsertMode.ADD_VALUES)

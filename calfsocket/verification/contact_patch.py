@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from calfsocket.contact import interface
 from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.driven import Drive, DrivenModel
 from calfsocket.laws import Hencky
 from calfsocket.meshes import tags
 from calfsocket.meshes.blocks import LIMB, Rings
-from calfsocket.verification.driven import Drive, DrivenModel
 from calfsocket.verification.report import Check, Figure, Section
 
 FloatArray = NDArray[np.float64]
