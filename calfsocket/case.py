@@ -1,7 +1,7 @@
 """One run of the study: a socket and a material set, solved."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -66,6 +66,8 @@ class Settings:
         "printed" or "tables" (`tissues.FASCIA_C10`).
     ogden_form : str
         "abaqus" or "as-printed".
+    materials : mapping of str to law
+        Laws in the place of Table 1's, by name of the tissue or "combined".
     contact : ContactParameters
         Friction and Nitsche stiffness.
     steps : StepControl
@@ -76,6 +78,7 @@ class Settings:
     socket_support: SocketSupport = "floating"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
+    materials: Mapping[str, Law] = field(default_factory=dict)
     contact: ContactParameters = field(default_factory=ContactParameters)
     steps: StepControl = field(default_factory=StepControl)
 
@@ -87,7 +90,9 @@ def region_tissues(limb: Limb) -> dict[str, str]:
 
 def case_laws(case: Case, settings: Settings) -> dict[str, Law]:
     """Law of each tissue in a case."""
-    return material_set(case.material_set, settings.fascia_c10, settings.ogden_form)
+    return material_set(
+        case.material_set, settings.fascia_c10, settings.ogden_form, settings.materials
+    )
 
 
 def step_control(case: Case, settings: Settings) -> StepControl:

@@ -189,6 +189,14 @@ def _study_parser(program: str) -> _Parser:
         "(default: %(default)s)",
     )
     what.add_argument(
+        "--material",
+        action="append",
+        default=[],
+        metavar="TISSUE=FILE",
+        help="material file in the place of Table 1's law of a tissue, as `fit` writes it; "
+        "the tissue `combined` is muscle and fascia of the combined set; may be repeated",
+    )
+    what.add_argument(
         "--friction", type=float, default=0.4, metavar="MU", help="coefficient (default: 0.4)"
     )
     how = parser.add_argument_group("how to run")
@@ -238,6 +246,7 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
     from calfsocket.case import Case, Settings
     from calfsocket.contact.nitsche import ContactParameters
+    from calfsocket.material_file import read_materials
     from calfsocket.meshes.data import load_limb, load_sockets
     from calfsocket.meshes.sizing import mesh_size
     from calfsocket.study import MATERIAL_SETS, Study, check_folder, run_study, select
@@ -260,6 +269,7 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
             socket_support=arguments.socket_support,
             fascia_c10=arguments.fascia_c10,
             ogden_form=arguments.ogden_form,
+            materials=read_materials(arguments.material, sets),
             contact=ContactParameters(fric_coeff=arguments.friction),
         ),
         limb=load_limb(),

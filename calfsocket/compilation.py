@@ -2,16 +2,18 @@
 
 import fcntl
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from dolfinx import jit
 from mpi4py import MPI
 
 from calfsocket.gather import contact_line, section_fields
+from calfsocket.laws import Ogden
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.model import Model
 from calfsocket.solver import Solver
-from calfsocket.tissues import material_set
+from calfsocket.tissues import MUSCLE, material_set
 
 # The socket overlaps the limb a little, so that contact is compiled as well.
 _LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 30.0), ("skin", 30.0, 32.0)]
@@ -26,12 +28,19 @@ def cache_folder() -> Path:
     return Path(base) / "calfsocket" / "fenics"
 
 
-def warm(comm: MPI.Comm) -> None:
+def warm(comm: MPI.Comm, ogden_terms: Iterable[int] = (1,)) -> None:
     """Compile every form that a case needs, unless that was done before (collective).
 
     Rank 0 compiles, under a lock against other processes of the same user. A form that is found
     half compiled under the lock was left by a process that was killed, and is thrown away; without
     that, dolfinx waits for it in vain.
+
+    Parameters
+    ----------
+    comm
+        All ranks.
+    ogden_terms
+        Numbers of Ogden terms that the cases' laws have; each has forms of its own.
     """
     folder = cache_folder()
     jit.DOLFINX_DEFAULT_JIT_OPTIONS["cache_dir"] = (folder, "calfsocket")
@@ -43,13 +52,15 @@ def warm(comm: MPI.Comm) -> None:
             for source in folder.glob("*.c"):
                 if not source.with_suffix(".c.cached").exists():
                     source.unlink()
-            _use_all_forms()
+            for number in sorted(set(ogden_terms)):
+                _use_all_forms(number)
     comm.Barrier()
 
 
-def _use_all_forms() -> None:
+def _use_all_forms(ogden_terms: int) -> None:
     section = ring_mesh(MPI.COMM_SELF, _LAYERS, _SOCKET, h=4.0)
-    laws = material_set("separate")
+    muscle = Ogden(MUSCLE.mu * ogden_terms, MUSCLE.alpha * ogden_terms, MUSCLE.d1)
+    laws = material_set("separate", materials={"muscle": muscle})
     model = Model(section, {name: laws[name] for name in section.regions})
     solver = Solver(model)
     model.contact.load = 0.01

@@ -1,7 +1,7 @@
 """Laws with their parameters, and how they reach the forms: one law a region."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -151,6 +151,44 @@ class Hencky:
 Law = Ogden | Yeoh | Hencky
 
 
+def neo_hookean(mu: float, d1: float) -> Ogden:
+    """Neo-Hookean law, psi = mu/2 (I1b - 3): Ogden's of one term with alpha = 2.
+
+    Parameters
+    ----------
+    mu : float
+        Initial shear modulus, MPa.
+    d1 : float
+        D1 = 2/K, 1/MPa; 0 where incompressible.
+    """
+    return Ogden(mu=(mu,), alpha=(2.0,), d1=d1)
+
+
+def d1_from_poisson(mu: float, nu: float) -> float:
+    """D1 = 3 (1 - 2 nu) / (mu (1 + nu)), 1/MPa (the paper's note under Table 1).
+
+    Parameters
+    ----------
+    mu : float
+        Initial shear modulus, MPa, > 0.
+    nu : float
+        Poisson's ratio at small strain, -1 < nu <= 0.5; 0.5 is incompressible and gives 0.
+
+    Raises
+    ------
+    InputError
+        When nu is outside its range.
+    """
+    if not -1 < nu <= 0.5:
+        raise InputError(f"nu is {nu}; give -1 < nu <= 0.5")
+    return 3 * (1 - 2 * nu) / (mu * (1 + nu))
+
+
+def ogden_terms(laws: Iterable[Law]) -> int:
+    """Ogden terms that forms for these laws have: as many as the longest law, and at least one."""
+    return max([len(law.mu) for law in laws if isinstance(law, Ogden)], default=1)
+
+
 def _positive(law: str, key: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{law}: {key} is {value}; give a finite number above 0")
@@ -202,7 +240,7 @@ def law_fields(mesh: Mesh, cell_tags: MeshTags, region_laws: Mapping[int, Law]) 
     ogden = {region: law for region, law in laws.items() if isinstance(law, Ogden)}
     yeoh = {region: law for region, law in laws.items() if isinstance(law, Yeoh)}
     hencky = {region: law for region, law in laws.items() if isinstance(law, Hencky)}
-    n_terms = max([len(law.mu) for law in ogden.values()], default=1)
+    n_terms = ogden_terms(laws.values())
 
     def term(i: int, values: Mapping[int, tuple[float, ...]]) -> dict[int, float]:
         return {region: value[i] for region, value in values.items() if i < len(value)}

@@ -24,6 +24,7 @@ from calfsocket.contact_line import ContactLine
 from calfsocket.errors import CalfsocketError, InputError
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
+from calfsocket.laws import ogden_terms
 from calfsocket.meshes.data import Limb, Sockets
 from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
@@ -97,7 +98,8 @@ def run_study(
             ledger.record(message)
 
     with reporter or nullcontext():
-        compilation.warm(comm)
+        laws = [case_laws(case, study.settings).values() for case in study.cases]
+        compilation.warm(comm, map(ogden_terms, laws))
         farm = Farm(comm, len(study.cases), ranks_per_case, on_report)
         while (number := farm.next_case()) is not None:
             case = study.cases[number]

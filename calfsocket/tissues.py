@@ -6,11 +6,13 @@ four printed D1 to three figures when mu1 is the initial shear modulus, which it
 2 mu/alpha^2 and not in equation (1) as printed, mu/alpha. Tables 2 and 4 say the same.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal, get_args
 
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh
+from calfsocket.section_fields import TISSUES
 
 MaterialSet = Literal["separate", "combined"]
 MATERIAL_SETS: tuple[MaterialSet, ...] = get_args(MaterialSet)
@@ -41,7 +43,10 @@ SOCKET = Hencky(e=459.0 * MPA, nu=0.4)
 
 
 def material_set(
-    name: MaterialSet, fascia_c10: FasciaC10 = "printed", ogden_form: OgdenForm = "abaqus"
+    name: MaterialSet,
+    fascia_c10: FasciaC10 = "printed",
+    ogden_form: OgdenForm = "abaqus",
+    materials: Mapping[str, Law] | None = None,
 ) -> dict[str, Law]:
     """Law of each tissue in one of the paper's two material sets.
 
@@ -54,6 +59,9 @@ def material_set(
         "tables" need it, 0.491 MPa.
     ogden_form : str
         "abaqus", which reproduces the paper's results, or "as-printed", its equation (1).
+    materials : mapping of str to law, optional
+        Laws in the place of Table 1's, by name of the tissue; "combined" is the one that muscle
+        and fascia share in the combined set.
 
     Returns
     -------
@@ -64,20 +72,27 @@ def material_set(
     _choice("fascia_c10", fascia_c10, get_args(FasciaC10))
     _choice("ogden_form", ogden_form, get_args(OgdenForm))
     fascia = replace(FASCIA, c10=FASCIA_C10[fascia_c10])
-    combined = name == "combined"
-    laws: dict[str, Law] = {
+    table1: dict[str, Law] = {
         "skin": SKIN,
         "fat": FAT,
-        "muscle": MUSCLE_AND_FASCIA if combined else MUSCLE,
-        "fascia": MUSCLE_AND_FASCIA if combined else fascia,
+        "muscle": MUSCLE,
+        "fascia": fascia,
+        "combined": MUSCLE_AND_FASCIA,
         "vessel": VESSEL,
         "bone": BONE,
         "socket": SOCKET,
     }
-    return {
+    laws = {
         tissue: replace(law, form=ogden_form) if isinstance(law, Ogden) else law
-        for tissue, law in laws.items()
-    }
+        for tissue, law in table1.items()
+    } | dict(materials or {})
+    return {tissue: laws[material] for tissue, material in materials_of(name).items()}
+
+
+def materials_of(name: MaterialSet) -> dict[str, str]:
+    """Material of each tissue in a set: its own, or "combined"."""
+    shared = ("muscle", "fascia") if name == "combined" else ()
+    return {tissue: "combined" if tissue in shared else tissue for tissue in TISSUES}
 
 
 def _choice(key: str, value: str, allowed: tuple[str, ...]) -> None:

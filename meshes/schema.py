@@ -1,4 +1,4 @@
-"""JSON files read into frozen, checked models; what is wrong is said in one line."""
+"""Files read into frozen, checked models; what is wrong is said in one line."""
 
 import difflib
 import json
@@ -39,19 +39,31 @@ Model = TypeVar("Model", bound=Strict)
 def read_json(path: Path, model: type[Model]) -> Model:
     """Read and check a file; raise an InputError naming the file and the key otherwise."""
     try:
-        text = path.read_text(encoding="utf-8")
+        content = json.loads(read_text(path), object_pairs_hook=_unique)
+    except (json.JSONDecodeError, _RepeatedKeyError) as error:
+        raise InputError(f"{path}: {error}") from error
+    return checked(path, content, model)
+
+
+def read_text(path: Path) -> str:
+    """Read a file as UTF-8; raise an InputError naming it otherwise."""
+    try:
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text ({error.reason})") from error
+
+
+def checked(path: Path, content: Any, model: type[Model]) -> Model:
+    """Check the parsed content of a file; raise an InputError naming the file and the key."""
     try:
-        content = json.loads(text, object_pairs_hook=_unique)
         return model.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = _place(content, first["loc"], first["type"] == "missing")
         message = first["msg"].removeprefix("Value error, ")
         raise InputError(f"{path}: {place + ': ' if place else ''}{message}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError, _RepeatedKeyError) as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _place(content: Any, parts: tuple[int | str, ...], missing: bool) -> str:

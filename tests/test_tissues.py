@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,16 @@ def test_combined_set_changes_muscle_and_fascia_only() -> None:
     assert combined["muscle"] == combined["fascia"]
     assert combined["muscle"].initial_shear_modulus == pytest.approx(12 * KPA)
     assert combined["muscle"].bulk_modulus == pytest.approx(1197.6 * KPA, rel=1e-5)
+
+
+def test_own_materials_take_the_place_of_table_1() -> None:
+    muscle, shared = Yeoh(c10=1.0), Ogden(mu=(2.0,), alpha=(3.0,), d1=0.0)
+    own = {"muscle": muscle, "combined": shared}
+    separate = tissues.material_set("separate", ogden_form="as-printed", materials=own)
+    combined = tissues.material_set("combined", ogden_form="as-printed", materials=own)
+    assert separate["muscle"] == muscle and separate["fascia"] == tissues.FASCIA
+    assert combined["muscle"] == combined["fascia"] == shared  # its own form, not the option's
+    assert combined["skin"] == replace(tissues.SKIN, form="as-printed")
 
 
 def test_fascia_variant() -> None:

@@ -1,0 +1,145 @@
+"""Material files: what is written is read back without loss; what is wrong is said in one line."""
+
+import json
+import math
+import tomllib
+
+import pytest
+
+from calfsocket import study, tissues, units
+from calfsocket.case import Case, case_laws
+from calfsocket.cli import main
+from calfsocket.errors import InputError
+from calfsocket.laws import Hencky, Ogden, Yeoh
+from calfsocket.material_file import read_material, read_materials, write_material
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        *tissues.material_set("separate").values(),
+        tissues.MUSCLE_AND_FASCIA,
+        # Digits that a division by 1000 in floating point would not bring back.
+        Ogden((math.pi / 700, math.e / 9000), (1 / 3, -math.pi), math.sqrt(2)),
+        Ogden((math.pi / 700,), (1 / 3,), 0.0, form="as-printed"),
+        Yeoh(1e-9 / 3, 2e5 / 3, 0.1 + 0.2),
+        Hencky(1 / 30, 0.5),
+    ],
+)
+def test_round_trip_keeps_every_digit(law, tmp_path):
+    path = tmp_path / "law.toml"
+    write_material(path, law, {})
+    assert read_material(path) == law
+
+
+def test_provenance_is_kept_for_people(tmp_path):
+    path = tmp_path / "law.toml"
+    told = {"data file": 'a "b"\\\x7f\n.csv', "points": [1, 2.5], "r2": 0.9, "ok": True}
+    write_material(path, tissues.SKIN, told)
+    provenance = tomllib.loads(path.read_text())["provenance"]
+    assert provenance.pop("calfsocket")
+    assert provenance == told
+
+
+# By hand: nu = 0.495 gives D1 = 3 0.01/(1.495 mu) = 0.0200669/mu.
+def test_a_file_by_hand(tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text('law = "ogden"\nmu = ["12 kPa", "3000 Pa"]\nalpha = [14, -2.5]\nnu = 0.495\n')
+    law = read_material(path)
+    assert law.mu == (0.012, 0.003) and law.alpha == (14, -2.5)
+    assert law.d1 == pytest.approx(0.0200669 / 0.015, rel=1e-5)
+    path.write_text('law = "neo-hookean"\nmu = "10 N/cm^2"\nd1 = "2e-6 1/Pa"\n')
+    assert read_material(path) == Ogden((0.1,), (2.0,), 2.0)
+    path.write_text('law = "neo-hookean"\nmu = "1 MPa"\nnu = 0.5\n')
+    assert read_material(path).bulk_modulus == math.inf
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('mu = ["1 kPa"]', ["law is missing", "ogden, neo-hookean, yeoh, hencky"]),
+        ('law = "odgen"', ["'odgen'", "ogden, neo-hookean, yeoh, hencky"]),
+        ('law = ["ogden"]', ["law is ['ogden']", "yeoh"]),
+        ('law = "yeoh"', ["c10: Field required"]),
+        ('law = "yeoh"\nc10 = 4.91', ["c10", "4.91", "unit"]),
+        ('law = "yeoh"\nc10 = "4.91"', ["c10", "unit ''", "Pa, kPa, MPa"]),
+        ('law = "yeoh"\nc10 = "4.91 kpa"', ["c10", "'kpa'", "Pa, kPa, MPa"]),
+        ('law = "yeoh"\nc10 = "nan kPa"', ["c10", "'nan kPa'"]),
+        ('law = "yeoh"\nc10 = "-1 kPa"', ["C10", "above 0"]),
+        ('law = "yeoh"\nc10 = "1 kPa"\nc_20 = "1 kPa"', ["c_20", "did you mean 'c20'"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2, 3]\nnu = 0.4', ["1 mu and 2 alpha"]),
+        ('law = "ogden"\nmu = ["1 kPa", "1"]\nalpha = [2]\nnu = 0.4', ["mu.1", "unit ''"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]', ["either d1 or nu"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.4\nd1 = "1 1/MPa"', ["either d1"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.6', ["nu is 0.6", "0.5"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nd1 = "1 kPa"', ["d1", "'kPa'", "1/MPa"]),
+        ("law = ", ["Invalid value"]),
+    ],
+)
+def test_a_bad_file_gets_one_line(text, says, tmp_path):
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as raised:
+        read_material(path)
+    message = str(raised.value)
+    assert message.startswith(f"{path}: ") and "\n" not in message
+    assert message.count(str(path)) == 1
+    for word in says:
+        assert word in message
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(InputError, match=r"none\.toml: cannot be read"):
+        read_material(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="UTF-8"):
+        read_material(tmp_path / "binary.toml")
+
+
+def test_units_by_hand():
+    assert units.parse("760 mmHg", units.STRESS) == pytest.approx(0.101325)  # one atmosphere
+    assert units.parse(" -1.5e3Pa ", units.STRESS) == -0.0015
+    assert units.text(0.00191, "kPa", units.STRESS) == "1.91 kPa"
+    assert units.text(0.0, "1/MPa", units.COMPLIANCE) == "0 1/MPa"
+
+
+@pytest.mark.parametrize(
+    ("words", "sets", "says"),
+    [
+        (["fascia"], ["separate"], ["fascia: write TISSUE=FILE.toml"]),
+        (["fascia="], ["separate"], ["fascia=: write TISSUE=FILE.toml"]),
+        (["facia=a.toml"], ["separate"], ["'facia'", "skin, fat, fascia"]),
+        (["combined=a.toml"], ["separate"], ["'combined'", "skin, fat, fascia, muscle, bone"]),
+        (["muscle=a.toml"], ["combined"], ["'muscle'", "skin, fat, combined"]),
+        (["fat={law}", "fat={law}"], ["separate"], ["fat stands there twice"]),
+        (["fat=none.toml"], ["separate"], ["none.toml: cannot be read"]),
+    ],
+)
+def test_bad_choice_of_materials(words, sets, says, tmp_path):
+    law = tmp_path / "law.toml"
+    write_material(law, tissues.FAT, {})
+    with pytest.raises(InputError) as raised:
+        read_materials([word.format(law=law) for word in words], sets)
+    for word in says:
+        assert word in str(raised.value)
+
+
+def test_the_study_takes_material_files_by_name(tmp_path, monkeypatch):
+    fascia, shared = tmp_path / "fascia.toml", tmp_path / "shared.toml"
+    write_material(fascia, Yeoh(c10=1.25, c20=2.0), {})
+    write_material(shared, Ogden((0.02, 0.01), (9.0, -3.0), 0.5), {})
+    asked: list[study.Study] = []
+
+    def run_study(_comm, study, *_):
+        asked.append(study)
+        return True
+
+    monkeypatch.setattr(study, "run_study", run_study)
+    out = ["--out", str(tmp_path / "out")]
+    code = main(["--material", f"fascia={fascia}", "--material", f"combined={shared}", *out])
+    assert code == 0
+    settings = asked[0].settings
+    assert case_laws(Case("TC", "separate"), settings)["fascia"] == Yeoh(c10=1.25, c20=2.0)
+    assert case_laws(Case("TC", "combined"), settings)["fascia"].alpha == (9.0, -3.0)
+    inputs = json.loads(json.dumps(asked[0].inputs()))  # another law is another study
+    assert inputs["settings"]["materials"]["fascia"]["c10"] == 1.25
