@@ -99,7 +99,7 @@ class Model:
         self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
         self._tangent = fem.form(tangent, jit_options=COMPILER_OPTIONS)
         self._b = fem_petsc.create_vector(self._residual)
-        held = {tags.TIBIA_MEDULLARY: (0, 1)}
+        held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
             held[tags.SOCKET_OUTER] = (0, 1)
         if tags.SIDES in section.boundaries:

@@ -101,7 +101,8 @@ class Face:
         )
         nodes = np.asarray(domain.geometry.x[geometry_nodes][:, :, :2], dtype=np.float64)
         # The vertex opposite to an edge has the edge's local number.
-        inside = np.asarray(domain.geometry.x[domain.geometry.dofmap[cells, local], :2])
+        opposite = domain.geometry.dofmap[cells, local]
+        inside = np.asarray(domain.geometry.x[opposite, :2], dtype=np.float64)
         return cls(entities, nodes, dofs, inside.reshape(-1, 2))
 
 
@@ -132,6 +133,8 @@ class ContactInterface:
     ----------
     load : float
         Share of the overclosure that is released, 0 to 1.
+    converged_arc : (n,)
+        Place of each skin point's partner along the socket from which slip counts, in mm.
     """
 
     def __init__(
@@ -175,7 +178,7 @@ class ContactInterface:
         start = self.chain.project(position, self._socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
-        self._converged_arc = self._earlier_arc = start.arc
+        self.converged_arc = self._earlier_arc = start.arc
 
     # -- geometry -------------------------------------------------------------------------------
 
@@ -255,7 +258,7 @@ class ContactInterface:
             nominal_traction,
             projection,
             (1.0 - self.load) * self._initial_overclosure,
-            self.chain.slip(projection.arc, self._converged_arc),
+            self.chain.slip(projection.arc, self.converged_arc),
             self.parameters,
         )
 
@@ -268,12 +271,12 @@ class ContactInterface:
 
     def accept(self) -> None:
         """Make the present positions the ones from which slip counts (collective)."""
-        self._earlier_arc = self._converged_arc
-        self._converged_arc = self.state().projection.arc
+        self._earlier_arc = self.converged_arc
+        self.converged_arc = self.state().projection.arc
 
     def revert(self) -> None:
         """Take the last `accept` back."""
-        self._converged_arc = self._earlier_arc
+        self.converged_arc = self._earlier_arc
 
     # -- assembly -------------------------------------------------------------------------------
 
