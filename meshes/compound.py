@@ -1,6 +1,6 @@
 """A compound of tissues in layers and compartments on bone, under a plate: the calibration test."""
 
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +17,9 @@ from calfsocket.meshes.schema import Strict, read_json
 from calfsocket.meshes.sizing import MeshSize
 from calfsocket.meshes.smoothing import smooth
 from calfsocket.meshes.triangles import TriangleMesh
+
+#: Points of a curve from which gmsh measures distances.
+SAMPLING = 200
 
 
 class CompoundLayers(Strict):
@@ -45,7 +48,7 @@ class Compartments(Strict):
 
 
 class Compound(Strict):
-    """Skin, fat, fascia around compartments of muscle, and bone, under a plate."""
+    """Skin, fat, fascia around compartments of muscle, and bone, under a plate; stroke in mm."""
 
     title: str
     units: Units
@@ -63,11 +66,6 @@ class Compound(Strict):
             raise ValueError(
                 f"compartments.corner_radius: {inside.corner_radius} mm is more than a quarter of "
                 f"the smaller side of a compartment, {min(layers.muscle, narrowest):.3g} mm"
-            )
-        if self.plate.width > self.width:
-            raise ValueError(
-                f"plate.width: {self.plate.width} mm is more than that of the compound, "
-                f"{self.width} mm"
             )
         soft = self.top - layers.bone
         if self.stroke > 0.5 * soft:
@@ -157,19 +155,27 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
         gmsh.model.occ.synchronize()
 
         names = ["skin", "fat", "fascia", *compound.muscles, "bone"]
-        for number, name in enumerate(names, start=1):
-            gmsh.model.addPhysicalGroup(2, [surfaces[name]], number, name)
-        gmsh.model.addPhysicalGroup(2, [plate.surface], tags.SOCKET_ID, tags.SOCKET)
-        for name, edges in (
-            (tags.SKIN_SURFACE, [across[-1]]),
-            (tags.SOCKET_INNER, plate.face),
-            (tags.SOCKET_OUTER, plate.back),
-            (tags.TIBIA_MEDULLARY, [across[0]]),
-        ):
-            gmsh.model.addPhysicalGroup(1, edges, tags.BOUNDARIES[name], name)
-        gmsh.model.addPhysicalGroup(1, sum(sides, []), tags.SIDES_ID, tags.SIDES)
-        fascia = [*across[1:3], *sum(muscles, [])]
-        _set_size(compound, size, fascia, [across[-1], across[-2]], plate.face)
+        gmsh_model.name_regions(
+            surfaces | {tags.SOCKET: plate.surface},
+            {
+                tags.SKIN_SURFACE: [across[-1]],
+                tags.SOCKET_INNER: plate.face,
+                tags.SOCKET_OUTER: plate.back,
+                tags.TIBIA_MEDULLARY: [across[0]],
+                tags.SIDES: [*chain(*sides)],
+            },
+            {name: number for number, name in enumerate(names, start=1)}
+            | {tags.SOCKET: tags.SOCKET_ID},
+            tags.BOUNDARIES | {tags.SIDES: tags.SIDES_ID},
+        )
+        _set_size(
+            compound,
+            size,
+            fascia=[*across[1:3], *chain(*muscles)],
+            corners=[arc for muscle in muscles for arc in muscle[::2]],
+            skin=across[-2:],
+            plate=plate.face,
+        )
         gmsh_model.mesh_order2()
         return smooth(gmsh_model.extract())
 
@@ -202,18 +208,29 @@ def _surface(loops: list[list[int]]) -> int:
 
 
 def _set_size(
-    compound: Compound, size: MeshSize, fascia: list[int], skin: list[int], plate: list[int]
+    compound: Compound,
+    size: MeshSize,
+    fascia: list[int],
+    corners: list[int],
+    skin: list[int],
+    plate: list[int],
 ) -> None:
     """Set sides by the rules of the limb: fine along fascia and skin, growing from there."""
-    layers = compound.layers
-    thinnest = min(layers.fascia, layers.periosteum, compound.compartments.septum)
+    layers, inside = compound.layers, compound.compartments
+    thinnest = min(layers.fascia, layers.periosteum, inside.septum)
     on_fascia = float(np.clip(size.gap_fraction * thinnest, size.smallest, size.on_curves))
+    at_corners = min(on_fascia, size.curvature_fraction * inside.corner_radius)
     field = gmsh.model.mesh.field
     fields = []
-    for curves, h in ((fascia, on_fascia), (skin, size.on_skin), (plate, size.socket_inner)):
+    for curves, h in (
+        (fascia, on_fascia),
+        (corners, at_corners),
+        (skin, size.on_skin),
+        (plate, size.socket_inner),
+    ):
         distance = field.add("Distance")
         field.setNumbers(distance, "CurvesList", curves)
-        field.setNumber(distance, "Sampling", 200)
+        field.setNumber(distance, "Sampling", SAMPLING)
         threshold = field.add("Threshold")
         for option, value in (
             ("InField", distance),

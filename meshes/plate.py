@@ -32,7 +32,7 @@ class Plate(Strict):
 
 @dataclass(frozen=True)
 class PlateEntities:
-    """gmsh's tags of a plate: its surface, the face that presses, and the back that is moved."""
+    """gmsh's tags of a plate: its surface, the face that presses, and the rest of its outline."""
 
     surface: int
     face: list[int]
@@ -63,7 +63,7 @@ def add_plate(plate: Plate, middle: float, face: float, side: int) -> PlateEntit
     )
     # As `add_fillets` goes: left edge's arc, face, right edge's arc, side, back, side.
     surface = gmsh.model.occ.addPlaneSurface([gmsh.model.occ.addCurveLoop(edges)])
-    return PlateEntities(surface, edges[:3], [edges[4]])
+    return PlateEntities(surface, edges[:3], edges[3:])
 
 
 def add_fillets(corners: Sequence[Corner]) -> list[int]:
@@ -73,7 +73,9 @@ def add_fillets(corners: Sequence[Corner]) -> list[int]:
     """
     place = np.array([corner[:2] for corner in corners])
     before, behind = (_unit(np.roll(place, step, axis=0) - place) for step in (1, -1))
-    starts, ends, arcs = [], [], []
+    starts: list[int] = []
+    ends: list[int] = []
+    arcs: list[list[int]] = []
     for corner, to_last, to_next in zip(corners, before, behind, strict=True):
         point, radius = np.array(corner[:2]), corner[2]
         if radius == 0.0:
