@@ -55,6 +55,8 @@ def test_help_teaches_and_is_quick(tmp_path):
         (["mesh", "--socket", "HS"], ["--out"]),
         (["mesh", "--socket", "XX", "--out", "x.msh"], ["XX", "HS"]),
         (["picture", "nowhere"], ["nowhere"]),
+        (["calibrate", "--specimen", "arm"], ["--specimen", "compound", "limb"]),
+        (["calibrate", "--out", "/proc/calibration"], ["--out", "/proc/calibration"]),
     ],
 )
 def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path):
