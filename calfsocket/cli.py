@@ -19,6 +19,8 @@ from calfsocket.fit import command
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from calfsocket.laws import Ogden
+
 # Heavy imports stand in the functions that need them: --help should not wait for MPI and dolfinx.
 
 OK, CASE_FAILED, BAD_INPUT = 0, 1, 2
@@ -442,9 +444,138 @@ def _fit(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     return OK
 
 
+def _calibrate_parser(program: str) -> _Parser:
+    parser = _Parser(
+        prog=program,
+        description="Find the combined material of muscle and fascia: press a specimen with a flat "
+        "plate, and fit\nOgden's mu and alpha to the force-displacement curve of the separate "
+        "materials.",
+        epilog="""\
+examples:
+  python3 -m calfsocket calibrate                   a compound of layers and compartments
+  python3 -m calfsocket calibrate --specimen limb   the limb's own section, which takes longer
+  python3 -m calfsocket --material combined=calibration/combined.toml     use the result
+
+results: curves.csv, calibration.json, combined.toml, figure3.png, figure3.pdf
+""",
+    )
+    what = parser.add_argument_group("what to press")
+    what.add_argument(
+        "--specimen",
+        default="compound",
+        choices=("compound", "limb"),
+        help="default: %(default)s",
+    )
+    what.add_argument(
+        "--compound", type=Path, metavar="FILE", help="dimensions, as meshes/compound.json"
+    )
+    what.add_argument("--stroke", type=float, metavar="MM", help="default: the specimen's own")
+    what.add_argument("--size", default="coarse", help="mesh: coarse, medium, paper (%(default)s)")
+    what.add_argument(
+        "--fascia-c10",
+        default="printed",
+        choices=("printed", "tables"),
+        help="as for the study (default: %(default)s)",
+    )
+    what.add_argument(
+        "--material",
+        action="append",
+        default=[],
+        metavar="TISSUE=FILE",
+        help="material file in the place of Table 1's law of a tissue; may be repeated",
+    )
+    what.add_argument(
+        "--friction", type=float, default=0.4, metavar="MU", help="coefficient (default: 0.4)"
+    )
+    how = parser.add_argument_group("how to fit")
+    how.add_argument(
+        "--points", type=int, default=8, metavar="N", help="of a curve (default: %(default)s)"
+    )
+    how.add_argument(
+        "--start",
+        action="append",
+        default=[],
+        metavar="KPA,ALPHA",
+        help="where to search from; may be repeated (default: 5,5 and 30,25)",
+    )
+    how.add_argument(
+        "--free-d", action="store_true", help="fit D1, too, instead of taking nu = 0.495"
+    )
+    how.add_argument(
+        "--out", type=Path, default=Path("calibration"), metavar="DIR", help="default: %(default)s"
+    )
+    return parser
+
+
+def _calibrate(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    import math
+
+    from rich.console import Console
+
+    from calfsocket import compilation
+    from calfsocket.calibration import report
+    from calfsocket.calibration.run import STARTS, Settings, calibrate
+    from calfsocket.contact.nitsche import ContactParameters
+    from calfsocket.material_file import read_materials
+    from calfsocket.meshes.compound import load_compound
+    from calfsocket.meshes.data import load_limb
+    from calfsocket.meshes.sizing import mesh_size
+
+    mesh_size(arguments.size)
+    if not (math.isfinite(arguments.friction) and arguments.friction >= 0):
+        raise InputError(f"--friction: {arguments.friction}; give a number of 0 or more")
+    settings = Settings(
+        compound=load_compound(arguments.compound),
+        limb=load_limb(),
+        specimen=arguments.specimen,
+        size=arguments.size,
+        fascia_c10=arguments.fascia_c10,
+        materials=read_materials(arguments.material, ["separate"]),
+        contact=ContactParameters(fric_coeff=arguments.friction),
+        stroke=arguments.stroke,
+        points=arguments.points,
+        starts=tuple(_start(word) for word in arguments.start) or STARTS,
+        free_d=arguments.free_d,
+    )
+    _on_first_rank(comm, lambda: _make_folder(arguments.out))
+    compilation.warm(comm)
+    console = Console(stderr=True, quiet=comm.rank > 0)
+    calibration = calibrate(comm, settings, tell=lambda text: console.print(text, style="dim"))
+    if comm.rank == 0:
+        from calfsocket.calibration import figure
+
+        report.write(calibration, settings, arguments.out)
+        figure.draw(calibration, arguments.out)
+        report.show(calibration, Console())
+    return OK
+
+
+def _start(word: str) -> "Ogden":
+    """Read a start of a fit, mu in kPa and alpha."""
+    from calfsocket.calibration.fit import LARGEST_ALPHA, SMALLEST_ALPHA, ogden
+
+    try:
+        mu, alpha = (float(part) for part in word.split(","))
+    except ValueError:
+        raise InputError(f"--start: {word!r}; give mu in kPa and alpha, e.g. 5,5") from None
+    if not (0 < mu < float("inf") and SMALLEST_ALPHA <= alpha <= LARGEST_ALPHA):
+        raise InputError(
+            f"--start: {word!r}; give mu > 0 and alpha from {SMALLEST_ALPHA:g} to {LARGEST_ALPHA:g}"
+        )
+    return ogden(1e-3 * mu, alpha)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror}; name another folder") from None
+
+
 Action = Callable[["MPI.Intracomm", argparse.Namespace], int]
 
 COMMANDS: dict[str, tuple[Action, Callable[[str], _Parser], str]] = {
+    "calibrate": (_calibrate, _calibrate_parser, "fit the combined material of muscle and fascia"),
     "fit": (_fit, _fit_parser, "fit a law to stress-stretch data"),
     "mesh": (_mesh, _mesh_parser, "write a mesh and a table of its quality"),
     "picture": (_picture, _picture_parser, "draw a solved case again"),

@@ -115,7 +115,7 @@ def contact_line(model: Model) -> ContactLine | None:
         gap_mm=gap[pick],
         weight_mm=weight[pick],
         status=np.array(STATUS_NAMES)[status[pick]],
-        circumference_mm=chain.circumference,
+        circumference_mm=chain.length,
     )
 
 

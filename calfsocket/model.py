@@ -1,5 +1,6 @@
 """A case made discrete: mesh, spaces, tissues and contact, as residual and tangent."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
@@ -48,7 +49,8 @@ class Model:
     Parameters
     ----------
     section : SectionMesh
-        Limb and socket in one mesh, distributed over a communicator.
+        Limb and socket in one mesh, distributed over a communicator. The limb is held at the
+        boundary "tibia_medullary"; one named "sides" cannot move in x.
     region_laws : mapping of region name to law
         The law of each region, "socket" among them.
     contact : ContactParameters
@@ -101,9 +103,11 @@ class Model:
         self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
         self._tangent = fem.form(tangent, jit_options=COMPILER_OPTIONS)
         self._b = fem_petsc.create_vector(self._residual)
-        held = [tags.TIBIA_MEDULLARY]
+        held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
-            held.append(tags.SOCKET_OUTER)
+            held[tags.SOCKET_OUTER] = (0, 1)
+        if tags.SIDES in section.boundaries:
+            held[tags.SIDES] = (0,)
         self._fix(held)
         self.contact = self.interface(
             self.w,
@@ -115,6 +119,28 @@ class Model:
             self._constrained,
             contact,
         )
+
+    def set_laws(self, region_laws: Mapping[str, Law]) -> None:
+        """Give regions other parameters of the laws that they have; nothing is compiled again.
+
+        Raises
+        ------
+        ValueError
+            If a region would change its kind of law.
+        """
+        laws = self.region_laws | dict(region_laws)
+        for name, law in laws.items():
+            if law.name != self.region_laws[name].name:
+                raise ValueError(f"{name} is {self.region_laws[name].name}, not {law.name}")
+        section = self.section
+        fields = law_fields(
+            section.mesh,
+            section.cell_tags,
+            {section.regions[name]: law for name, law in laws.items()},
+        )
+        for mine, new in zip(_functions(self.fields), _functions(fields), strict=True):
+            mine.x.array[:] = new.x.array
+        self.region_laws = laws
 
     # -- for the solver -------------------------------------------------------------------------
 
@@ -254,16 +280,16 @@ class Model:
         fem_petsc.assemble_matrix_mat(A, self._tangent, self._bcs)
         A.assemble()
 
-    def _fix(self, boundaries: list[str]) -> None:
-        """Hold the displacement on boundaries at zero."""
+    def _fix(self, boundaries: Mapping[str, tuple[int, ...]]) -> None:
+        """Hold components of the displacement on boundaries at zero."""
         section = self.section
         owned = self.V.dofmap.index_map.size_local
         self._bcs = []
         self._constrained = np.zeros_like(self.w.x.array, dtype=bool)
         self._tibia_owned = []
-        for name in boundaries:
+        for name, components in boundaries.items():
             facets = section.facet_tags.find(section.boundaries[name])
-            for component in range(2):
+            for component in components:
                 space = self.V.sub(0).sub(component)
                 dofs = fem.locate_dofs_topological(space, 1, facets)
                 self._bcs.append(fem.dirichletbc(PETSc.ScalarType(0.0), dofs, space))
@@ -300,3 +326,9 @@ class Model:
         if len(kinds) != 1:
             raise InputError(f"skin surface: laws {sorted(kinds)} meet there; one is allowed")
         return kinds.pop()
+
+
+def _functions(fields: mixed.LawFields) -> list[fem.Function]:
+    """Return all parameters of the laws, in one order."""
+    values = [getattr(fields, field.name) for field in dataclasses.fields(fields)]
+    return [one for value in values for one in (value if isinstance(value, tuple) else (value,))]

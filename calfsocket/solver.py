@@ -114,6 +114,19 @@ class Solver:
             history=tuple(self._history),
         )
 
+    def factorise(self) -> None:
+        """Factorise the tangent at the present `x`, for `correction` (collective)."""
+        self._problem.tangent(self.x, self._A)
+        ksp = self._snes.getKSP()
+        ksp.setOperators(self._A)
+        ksp.setUp()
+
+    def correction(self, residual: PETSc.Vec) -> PETSc.Vec:
+        """Return tangent^-1 residual, with the tangent of `factorise` (collective)."""
+        step = residual.duplicate()
+        self._snes.getKSP().solve(residual, step)
+        return step
+
     def negative_modes(self) -> int:
         """Count the negative modes of the equilibrium at the present `x` (collective).
 

@@ -1,10 +1,8 @@
 """The study: cases times settings, solved side by side, written case by case."""
 
 import hashlib
-import importlib.metadata
 import json
 import logging
-import platform
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -12,13 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import gmsh
 import pandas as pd
 from mpi4py import MPI
 from petsc4py import PETSc
 from rich.console import Console
 
-import calfsocket
 from calfsocket import compilation, outcomes, picture, writers
 from calfsocket.case import Case, Run, Settings, case_laws, region_tissues
 from calfsocket.contact_line import ContactLine
@@ -31,6 +27,7 @@ from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
 from calfsocket.stepping import LoadStep
 from calfsocket.tissues import MATERIAL_SETS
+from calfsocket.versions import versions
 
 KEY = ("socket", "material_set")
 RUN_FILE = "run.json"
@@ -160,7 +157,7 @@ class Ledger:
         self._asked = [case.name for case in study.cases]
         self._content = {
             "program": "calfsocket",
-            "versions": _versions(),
+            "versions": versions(),
             "ranks": ranks,
             "inputs": study.inputs(),
             "laws": {
@@ -295,19 +292,6 @@ def _step_row(case: Case, step: LoadStep) -> dict[str, Any]:
         "seconds": step.seconds,
         "negative_modes": "",
     }
-
-
-def _versions() -> dict[str, str]:
-    versions = {"calfsocket": calfsocket.__version__, "python": platform.python_version()}
-    for package in ("fenics-dolfinx", "fenics-ufl", "fenics-basix", "numpy", "scipy", "pyvista"):
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            versions[package] = "unknown"
-    versions["gmsh"] = gmsh.__version__
-    versions["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    versions["mpi"] = MPI.Get_library_version().split(",")[0].strip("\0\n ")
-    return versions
 
 
 def _fingerprint(text: str) -> str:

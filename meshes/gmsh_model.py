@@ -75,15 +75,15 @@ def add_region(outer: int, holes: Sequence[int] = ()) -> int:
 
 def name_regions(
     surfaces: Mapping[str, int],
-    edges: Mapping[str, int],
+    edges: Mapping[str, Sequence[int]],
     region_tags: Mapping[str, int],
     boundary_tags: Mapping[str, int],
 ) -> None:
     """Give surfaces and edges their names and tags as physical groups of the current model."""
     for name, surface in surfaces.items():
         gmsh.model.addPhysicalGroup(2, [surface], region_tags[name], name)
-    for name, edge in edges.items():
-        gmsh.model.addPhysicalGroup(1, [edge], boundary_tags[name], name)
+    for name, parts in edges.items():
+        gmsh.model.addPhysicalGroup(1, parts, boundary_tags[name], name)
 
 
 def mesh_order2() -> None:

@@ -48,15 +48,15 @@ def build(
             return edge
 
         circles = [circle(layers[0][1])]
-        surfaces, edges = {}, {tags.TIBIA_MEDULLARY: circles[0]}
+        surfaces, edges = {}, {tags.TIBIA_MEDULLARY: [circles[0]]}
         for name, _, outer in layers:
             circles.append(circle(outer))
             surfaces[name] = gmsh_model.add_region(circles[-1], [circles[-2]])
-        edges[tags.SKIN_SURFACE] = circles[-1]
+        edges[tags.SKIN_SURFACE] = [circles[-1]]
         if socket is not None:
             inner, outer_face = circle(socket[0]), circle(socket[1])
             surfaces[tags.SOCKET] = gmsh_model.add_region(outer_face, [inner])
-            edges |= {tags.SOCKET_INNER: inner, tags.SOCKET_OUTER: outer_face}
+            edges |= {tags.SOCKET_INNER: [inner], tags.SOCKET_OUTER: [outer_face]}
         gmsh.model.occ.synchronize()
         region_tags = {name: number for number, (name, _, _) in enumerate(layers, start=1)}
         region_tags[tags.SOCKET] = tags.SOCKET_ID

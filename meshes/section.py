@@ -1,17 +1,22 @@
 """The section of a limb in a socket: two bodies, overlapping in space, in one mesh."""
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import gmsh
+import numpy as np
 import pandas as pd
 from mpi4py import MPI
+from scipy.optimize import minimize_scalar
 
 from calfsocket.errors import InputError
 from calfsocket.meshes import gmsh_model, sizing, tags
+from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.data import Limb, Socket, Sockets, load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.plate import Plate, add_plate
 from calfsocket.meshes.quality import quality_table
 from calfsocket.meshes.sizing import MeshSize, SizeField
 from calfsocket.meshes.smoothing import smooth
@@ -79,30 +84,15 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
     The nodes are gmsh's, before `smooth`.
     """
     loops = limb_curves(limb)
-    skin = loops[limb.contact_boundary]
-    inner, outer = socket_faces(socket, skin)
-
-    edges = {name: gmsh_model.add_loop(curve) for name, curve in loops.items()}
-    surfaces = {
-        region.name: gmsh_model.add_region(
-            edges[region.outer], [edges[hole] for hole in region.holes]
-        )
-        for region in limb.regions
-    }
+    inner, outer = socket_faces(socket, loops[limb.contact_boundary])
+    surfaces, boundaries = _add_limb(limb, loops)
     inner_edge, outer_edge = gmsh_model.add_loop(inner), gmsh_model.add_loop(outer)
     socket_surface = gmsh_model.add_region(outer_edge, [inner_edge])
     gmsh.model.occ.synchronize()
-
-    gmsh_model.name_regions(
+    _name_all(
+        limb,
         surfaces | {tags.SOCKET: socket_surface},
-        {
-            tags.SKIN_SURFACE: edges[limb.contact_boundary],
-            tags.SOCKET_INNER: inner_edge,
-            tags.SOCKET_OUTER: outer_edge,
-            tags.TIBIA_MEDULLARY: edges[limb.fixed_boundary],
-        },
-        limb.region_tags | {tags.SOCKET: tags.SOCKET_ID},
-        tags.BOUNDARIES,
+        boundaries | {tags.SOCKET_INNER: [inner_edge], tags.SOCKET_OUTER: [outer_edge]},
     )
     with tempfile.TemporaryDirectory() as folder:
         _set_size(
@@ -115,8 +105,76 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
         gmsh_model.mesh_order2()
 
 
-def _set_size(folder: Path, bodies: list[tuple[SizeField, list[int]]]) -> None:
+def plated_limb_mesh(comm: MPI.Comm, limb: Limb, plate: Plate, size: MeshSize) -> SectionMesh:
+    """Mesh a limb and a plate that touches its hindmost point from behind, on all ranks."""
+    return distribute(comm, lambda: build_plated_limb(limb, plate, size))
+
+
+def build_plated_limb(limb: Limb, plate: Plate, size: MeshSize) -> TriangleMesh:
+    """Mesh a limb and a plate behind it on this process."""
+    loops = limb_curves(limb)
+    skin = loops[limb.contact_boundary]
+    lowest = minimize_scalar(
+        lambda t: skin.evaluate(t)[1], bracket=_lowest_bracket(skin), tol=1e-12
+    )
+    x, y = skin.evaluate(lowest.x)
+    with gmsh_model.session("limb on plate"), tempfile.TemporaryDirectory() as folder:
+        surfaces, boundaries = _add_limb(limb, loops)
+        added = add_plate(plate, x, y, side=-1)
+        gmsh.model.occ.synchronize()
+        _name_all(
+            limb,
+            surfaces | {tags.SOCKET: added.surface},
+            boundaries | {tags.SOCKET_INNER: added.face, tags.SOCKET_OUTER: added.back},
+        )
+        _set_size(
+            Path(folder),
+            [(sizing.limb_field(loops, limb.contact_boundary, size), list(surfaces.values()))],
+            {added.surface: size.socket_outer},
+        )
+        gmsh_model.mesh_order2()
+        return smooth(gmsh_model.extract())
+
+
+def _lowest_bracket(skin: ClosedCurve) -> tuple[float, float, float]:
+    """Return parameters on both sides of the point of a curve with the smallest y, and its own."""
+    t = skin.sample(1.0)
+    lowest = int(np.argmin(skin.evaluate(t)[:, 1]))
+    before, here, behind = t[lowest - 1], t[lowest], t[(lowest + 1) % len(t)]
+    return before, here, behind
+
+
+def _add_limb(
+    limb: Limb, loops: Mapping[str, ClosedCurve]
+) -> tuple[dict[str, int], dict[str, list[int]]]:
+    """Add the regions of a limb; return their surfaces and the edges of the named boundaries."""
+    edges = {name: gmsh_model.add_loop(curve) for name, curve in loops.items()}
+    surfaces = {
+        region.name: gmsh_model.add_region(
+            edges[region.outer], [edges[hole] for hole in region.holes]
+        )
+        for region in limb.regions
+    }
+    return surfaces, {
+        tags.SKIN_SURFACE: [edges[limb.contact_boundary]],
+        tags.TIBIA_MEDULLARY: [edges[limb.fixed_boundary]],
+    }
+
+
+def _name_all(limb: Limb, surfaces: Mapping[str, int], boundaries: Mapping[str, list[int]]) -> None:
+    gmsh_model.name_regions(
+        surfaces, boundaries, limb.region_tags | {tags.SOCKET: tags.SOCKET_ID}, tags.BOUNDARIES
+    )
+
+
+def _set_size(
+    folder: Path,
+    bodies: list[tuple[SizeField, list[int]]],
+    uniform: Mapping[int, float] | None = None,
+) -> None:
     """Make the size of each body the background field on its surfaces and their edges only.
+
+    Surfaces in `uniform` have one size.
 
     The bodies overlap in space, so each has a field of its own. gmsh reads the files in `folder`
     when it meshes.
@@ -132,6 +190,11 @@ def _set_size(folder: Path, bodies: list[tuple[SizeField, list[int]]]) -> None:
         fields.setNumber(restrict, "InField", structured)
         fields.setNumbers(restrict, "SurfacesList", surfaces)
         restricted.append(restrict)
+    for surface, side in (uniform or {}).items():
+        constant = fields.add("Constant")
+        fields.setNumbers(constant, "SurfacesList", [surface])
+        fields.setNumber(constant, "VIn", side)
+        restricted.append(constant)
     smallest = fields.add("Min")
     fields.setNumbers(smallest, "FieldsList", restricted)
     fields.setAsBackgroundMesh(smallest)

@@ -5,6 +5,7 @@ SKIN_SURFACE = "skin_surface"
 SOCKET_INNER = "socket_inner"
 SOCKET_OUTER = "socket_outer"
 TIBIA_MEDULLARY = "tibia_medullary"
+SIDES = "sides"
 
 #: Tag of the socket ring. The limb's regions carry the ids of their data file, all below it.
 SOCKET_ID = 100
@@ -16,3 +17,6 @@ BOUNDARIES = {
     SOCKET_OUTER: 203,
     TIBIA_MEDULLARY: 204,
 }
+
+#: Sides of a piece of tissue, that slide along y: its layers continue beyond, mirrored.
+SIDES_ID = 205

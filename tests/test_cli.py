@@ -58,6 +58,8 @@ def test_help_teaches_and_is_quick(tmp_path):
         (["verify", "--only", "element,limbs"], ["--only", "'limbs'", "exact_ring", "limb"]),
         (["verify", "--size", "paper"], ["--size", "paper", "two"]),
         (["verify", "--size", "coarse,tiny"], ["size", "tiny", "medium"]),
+        (["calibrate", "--specimen", "arm"], ["--specimen", "compound", "limb"]),
+        (["calibrate", "--out", "/proc/calibration"], ["--out", "/proc/calibration"]),
     ],
 )
 def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path):

@@ -50,6 +50,70 @@ def test_what_is_no_single_closed_chain_is_refused(broken):
         order_chain(edges)
 
 
+def half_circle(n: int, radius: float) -> np.ndarray:
+    """Quadratic edges of a circle's upper half, from right to left."""
+    return circle_edges(2 * n, radius)[:n]
+
+
+@pytest.mark.parametrize(("body", "from_right"), [(0.8, False), (1.2, True)])
+def test_an_open_chain_has_its_body_on_the_right(body, from_right):
+    edges = half_circle(10, 10.0)
+    rng = np.random.default_rng(2)
+    order = rng.permutation(10)
+    shuffled = edges[order]
+    flip = rng.random(10) < 0.5
+    shuffled[flip] = shuffled[flip][:, [1, 0, 2]]
+    chain = along_chain(shuffled, *order_chain(shuffled, body * shuffled[:, 2]))
+    expected = edges if from_right else edges[::-1][:, [1, 0, 2]]
+    np.testing.assert_allclose(chain, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("broken", ["no inside", "two pieces", "with a loop"])
+def test_what_is_no_single_open_chain_is_refused(broken):
+    edges = half_circle(10, 10.0)
+    inside = 0.8 * edges[:, 2]
+    if broken == "no inside":
+        inside = None
+    elif broken == "two pieces":
+        edges = np.delete(edges, 4, axis=0)
+        inside = 0.8 * edges[:, 2]
+    else:
+        edges = np.concatenate([edges, circle_edges(10, 5.0)])
+        inside = 0.8 * edges[:, 2]
+    with pytest.raises(ValueError, match="chain"):
+        order_chain(edges, inside)
+
+
+def test_points_beyond_the_ends_of_an_open_chain_have_no_partner():
+    x = np.linspace(4.0, -4.0, 9)  # a plate above the skin: its body is on the right of -x
+    ends = np.stack([x, np.zeros(9)], axis=1)
+    chain = EdgeChain.from_edges(np.stack([ends[:-1], ends[1:], 0.5 * (ends[:-1] + ends[1:])], 1))
+    assert not chain.closed
+    assert chain.length == pytest.approx(8.0)
+    points = np.array([[4.1, -0.1], [3.9, -0.1], [0.0, -0.1], [-3.9, 0.2], [-4.1, 0.2], [9.0, 0.0]])
+    at = chain.project(points, np.zeros((8, 3, 2)))
+    np.testing.assert_array_equal(at.beyond, [True, False, False, False, True, True])
+    partners = ~at.beyond
+    np.testing.assert_allclose(at.point[partners], points[partners] * [1, 0], atol=1e-12)
+    np.testing.assert_allclose(at.normal, np.tile([0.0, -1.0], (6, 1)), atol=1e-12)
+    np.testing.assert_allclose(at.arc[partners], 4.0 - points[partners, 0], atol=1e-12)
+    # Slip does not wrap around.
+    np.testing.assert_allclose(chain.slip(np.array([7.5]), np.array([0.5])), 7.0)
+    # A nominal pressure of 1 MPa outweighs the gaps of at most 0.2 mm everywhere.
+    pressed_down = np.tile([0.0, -1.0], (6, 1))
+    state = nitsche.contact_state(
+        points, pressed_down, at, np.zeros(6), np.zeros(6), ContactParameters(fric_coeff=0.0)
+    )
+    np.testing.assert_array_equal(state.traction.pressure > 0, partners)
+
+
+def test_neighbours_along_a_chain_wrap_only_where_it_closes():
+    closed = EdgeChain.from_edges(circle_edges(6, 1.0))
+    np.testing.assert_array_equal(closed.around(np.array([0, 5]), 1), [[5, 0, 1], [4, 5, 0]])
+    opened = EdgeChain.from_edges(half_circle(6, 1.0))
+    np.testing.assert_array_equal(opened.around(np.array([0, 5]), 1), [[0, 0, 1], [4, 5, 5]])
+
+
 @pytest.mark.parametrize("distance", [-2.0, -0.1, 0.5])
 def test_projection_on_a_circle_is_radial(distance):
     radius = 50.0
@@ -62,14 +126,14 @@ def test_projection_on_a_circle_is_radial(distance):
     np.testing.assert_allclose(np.linalg.norm(at.point, axis=1), radius, atol=1e-6)
     np.testing.assert_allclose(at.normal, -direction, atol=2e-5)
     np.testing.assert_allclose(at.arc, radius * angle, atol=1e-5)
-    assert chain.circumference == pytest.approx(2 * np.pi * radius, rel=1e-8)
+    assert chain.length == pytest.approx(2 * np.pi * radius, rel=1e-8)
     assert np.all(np.abs(at.xi) <= 1 + 1e-6)
 
 
 def test_slip_is_measured_the_short_way_round():
     chain = EdgeChain.from_edges(circle_edges(160, 1.0))
     slip = chain.slip(np.array([0.1, 6.2]), np.array([6.2, 0.1]))
-    expected = 0.1 - 6.2 + chain.circumference
+    expected = 0.1 - 6.2 + chain.length
     np.testing.assert_allclose(slip, [expected, -expected], rtol=1e-12)
 
 

@@ -25,6 +25,8 @@ CONSTRAINT_STIFFNESS = 10.0
 """Stiffness of contact in MPa/mm for counting negative modes; 0.1 to 1000 give the same count."""
 
 
+# Row or column of a matrix that PETSc leaves out: that of a held unknown.
+_LEFT_OUT = -1
 # Vertices and mid-side node of each edge of the reference triangle, and its direction.
 _EDGE_VERTICES = np.array([[1, 2], [0, 2], [0, 1]])
 _EDGE_DIRECTION = np.array([[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
@@ -42,11 +44,14 @@ class Face:
         Undeformed vertices and mid-side node, in mm.
     dofs : (m, 3, 2)
         Local index of each node's displacement components.
+    inside : (m, 2)
+        Undeformed vertex of the edge's cell that is not on the edge, in mm.
     """
 
     entities: NDArray[np.int32]
     nodes: FloatArray
     dofs: NDArray[np.int32]
+    inside: FloatArray
 
     @classmethod
     def of(cls, V: fem.FunctionSpace, facet_tags: mesh.MeshTags, tag: int) -> "Face":
@@ -83,7 +88,10 @@ class Face:
             axis=2,
         )
         nodes = np.asarray(domain.geometry.x[geometry_nodes][:, :, :2], dtype=np.float64)
-        return cls(entities, nodes, dofs)
+        # The vertex opposite to an edge has the edge's local number.
+        opposite = domain.geometry.dofmap[cells, local]
+        inside = np.asarray(domain.geometry.x[opposite, :2], dtype=np.float64)
+        return cls(entities, nodes, dofs, inside.reshape(-1, 2))
 
 
 class ContactInterface:
@@ -115,6 +123,8 @@ class ContactInterface:
         Share of the overclosure that is released, 0 to 1.
     edge_parameters : (parameters.gauss_points,)
         Quadrature points of a skin edge in its own parameter, -1 to 1.
+    converged_arc : (n,)
+        Place of each skin point's partner along the socket from which slip counts, in mm.
     """
 
     def __init__(
@@ -152,27 +162,31 @@ class ContactInterface:
         self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
         self.points, self._normal = self._skin_points(on_edge)
         cell_dofs = V.dofmap.list[self.skin.entities[:, 0]]
-        rows = _global(V.dofmap.index_map, cell_dofs)
-        rows[constrained[cell_dofs]] = -1
+        dofs = _global(V.dofmap.index_map, cell_dofs)
+        self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
+        rows = np.where(constrained[cell_dofs], _LEFT_OUT, dofs)
         self._skin_rows = np.repeat(rows, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
         start = self.chain.project(position, self._socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
-        self._converged_arc = self._earlier_arc = start.arc
+        self.converged_arc = self._earlier_arc = start.arc
 
     # -- geometry -------------------------------------------------------------------------------
 
     def _set_up_socket(self, face: Face, constrained: NDArray[np.bool_]) -> None:
         """Share the socket's edges with all ranks and string them to one chain."""
         index_map = self._w.function_space.dofmap.index_map
-        rows = _global(index_map, face.dofs)
-        rows[constrained[face.dofs]] = -1  # PETSc ignores negative rows and columns
-        nodes = np.concatenate(self._comm.allgather(face.nodes))
-        rows = np.concatenate(self._comm.allgather(rows))
-        self._chain_order = order_chain(nodes)
+        dofs = _global(index_map, face.dofs)
+        rows = np.where(constrained[face.dofs], _LEFT_OUT, dofs)
+        nodes, dofs, rows, inside = (
+            np.concatenate(self._comm.allgather(part))
+            for part in (face.nodes, dofs, rows, face.inside)
+        )
+        self._chain_order = order_chain(nodes, inside)
         self.chain = EdgeChain.from_edges(along_chain(nodes, *self._chain_order))
+        self._socket_dofs = along_chain(dofs, *self._chain_order).reshape(-1, 6)
         self._socket_rows = along_chain(rows, *self._chain_order).reshape(-1, 6)
         self._socket_face = face
 
@@ -204,11 +218,9 @@ class ContactInterface:
             shape=shape.reshape(-1, 2, self._w.function_space.element.space_dimension),
         )
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
-        # Which side is out depends on the facet and on the cell's orientation: the vertex opposite
-        # to the edge (of the same local number) is inside.
-        opposite = domain.geometry.dofmap[entities[:, 0], entities[:, 1]]
-        inside = np.asarray(domain.geometry.x[opposite, :2]).reshape(-1, 2)
-        inward = np.sum(normal * (np.repeat(inside, n_points, axis=0) - reference), axis=1) > 0
+        # Which side is out depends on the facet and on the cell's orientation.
+        inside = np.repeat(self.skin.inside, n_points, axis=0)
+        inward = np.sum(normal * (inside - reference), axis=1) > 0
         return points, np.where(inward[:, None], -normal, normal)
 
     def deformed_points(self) -> FloatArray:
@@ -240,7 +252,7 @@ class ContactInterface:
 
     def slip(self, arc: FloatArray) -> FloatArray:
         """Slip at a point's `arc` that its friction resists, in mm; (n,)."""
-        return self.chain.slip(arc, self._converged_arc)
+        return self.chain.slip(arc, self.converged_arc)
 
     def state(self, nominal_traction: FloatArray | None = None) -> ContactState:
         """Contact at the present unknowns and load (collective)."""
@@ -266,13 +278,17 @@ class ContactInterface:
 
     def accept(self) -> None:
         """Take the slip so far as done; tractions stay what they are (collective)."""
+        self._earlier_arc = self.converged_arc
+        self.converged_arc = self.settled_arc()
+
+    def settled_arc(self) -> FloatArray:
+        """Place along the socket from which slip will count after this state, in mm; (n,)."""
         state = self.state()
-        self._earlier_arc = self._converged_arc
-        self._converged_arc = state.projection.arc - nitsche.settled_slip(state, self.parameters)
+        return state.projection.arc - nitsche.settled_slip(state, self.parameters)
 
     def revert(self) -> None:
         """Take the last `accept` back."""
-        self._converged_arc = self._earlier_arc
+        self.converged_arc = self._earlier_arc
 
     # -- assembly -------------------------------------------------------------------------------
 
@@ -280,9 +296,10 @@ class ContactInterface:
         """Add the contact residual to an assembled vector (collective)."""
         state = self.state()
         skin, socket = nitsche.residual(self.points, state)
-        b.setValues(self._skin_rows, skin, addv=PETSc.InsertMode.ADD_VALUES)
+        # Held unknowns, too: their residual is the force that holds them.
+        b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
         b.setValues(
-            self._socket_rows[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
+            self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
         )
         b.assemble()
         return state
@@ -313,11 +330,9 @@ class ContactInterface:
         """Insert zeros wherever contact may couple within `PATTERN_REACH` of slip (collective)."""
         n_points = self.parameters.gauss_points
         edge = self.state().projection.edge.reshape(-1, n_points)
-        n_edges = len(self.chain.start)
-        ahead = int(np.ceil(PATTERN_REACH * n_edges / self.chain.circumference))
+        ahead = int(np.ceil(PATTERN_REACH * len(self.chain.start) / self.chain.length))
         for rows, edges in zip(self._skin_rows[::n_points], edge, strict=True):
-            window = np.unique((edges[:, None] + np.arange(-ahead, ahead + 1)) % n_edges)
-            columns = np.unique(self._socket_rows[window])
+            columns = np.unique(self._socket_rows[self.chain.around(edges, ahead)])
             zeros = np.zeros((len(rows), len(columns)))
             A.setValues(rows, columns, zeros, addv=PETSc.InsertMode.ADD_VALUES)
             A.setValues(columns, rows, zeros.T, addv=PETSc.InsertMode.ADD_VALUES)

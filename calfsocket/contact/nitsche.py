@@ -132,6 +132,7 @@ def contact_state(
     trial_pressure = (
         np.sum(nominal_traction * projection.normal, axis=1) - parameters.gamma * reduced_gap
     )
+    trial_pressure[projection.beyond] = -np.inf
     trial_shear = np.sum(nominal_traction * projection.tangent, axis=1) - parameters.gamma_t * slip
     traction = coulomb(trial_pressure, trial_shear, parameters.fric_coeff)
     return ContactState(projection, gap, reduced_gap, slip, trial_shear, traction)

@@ -1,4 +1,4 @@
-"""Closest point of a deformed, closed chain of quadratic edges: where skin meets socket."""
+"""Closest point of a deformed chain of quadratic edges: where skin meets socket."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +13,8 @@ IntArray = NDArray[np.int64]
 # An edge of a C2 curve is nearly straight, so Newton on its parameter needs a handful of steps.
 _NEWTON_STEPS = 25
 _NEWTON_TOLERANCE = 1e-14
+# Vertices closer than this share of the chain's size are one.
+_SAME_POINT = 1e-9
 _SEARCH_POINTS = np.array([-0.75, -0.25, 0.25, 0.75])
 _ARC_POINTS, _ARC_WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -57,6 +59,8 @@ class Projection:
         coordinate, so that its change is an objective slip.
     darc : (n,)
         Derivative of ``arc`` with respect to xi, in mm.
+    beyond : (n,) bool
+        Past an end of an open chain, where there is no partner.
     """
 
     edge: IntArray
@@ -68,11 +72,15 @@ class Projection:
     second: FloatArray
     arc: FloatArray
     darc: FloatArray
+    beyond: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class EdgeChain:
-    """A closed chain of quadratic edges, counter-clockwise: the socket's inner face, or the skin.
+    """A chain of quadratic edges: the socket's inner face, the skin, or the face of a plate.
+
+    A closed chain runs counter-clockwise. An open one has its body on its right, as that of a
+    socket's inner face is, so that the normal on the left points out of the body.
 
     Attributes
     ----------
@@ -81,24 +89,38 @@ class EdgeChain:
         The second vertex of an edge is the first of the next.
     start : (n_edges,)
         Undeformed arc length at each edge's first vertex, in mm.
-    circumference : float
+    length : float
         Undeformed length of the whole chain, in mm.
+    closed : bool
+        Whether the last edge ends where the first begins.
     """
 
     reference: FloatArray
     start: FloatArray
-    circumference: float
+    length: float
+    closed: bool
 
     @classmethod
     def from_edges(cls, reference: FloatArray) -> "EdgeChain":
-        """Measure a chain of edges that is already ordered and counter-clockwise."""
+        """Measure a chain of edges that is already ordered, as `order_chain` does."""
         lengths = _partial_length(reference, np.ones(len(reference)))
         start = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
-        return cls(reference, start, float(lengths.sum()))
+        total = float(lengths.sum())
+        opening = float(np.linalg.norm(reference[-1, 1] - reference[0, 0]))
+        return cls(reference, start, total, closed=opening < _SAME_POINT * total)
 
     def arc(self, edge: IntArray, xi: FloatArray) -> FloatArray:
         """Undeformed arc length from the start of the chain to xi on an edge, in mm."""
         return self.start[edge] + _partial_length(self.reference[edge], xi)
+
+    def around(self, edge: IntArray, reach: int) -> IntArray:
+        """Return the edges up to `reach` before and behind; (n, 2 reach + 1), at open ends fewer.
+
+        Where an open chain ends, its last edge stands for those that are missing.
+        """
+        near = edge[:, None] + np.arange(-reach, reach + 1)
+        n_edges = len(self.start)
+        return near % n_edges if self.closed else np.clip(near, 0, n_edges - 1)
 
     def project(self, points: FloatArray, displacement: FloatArray) -> Projection:
         """Project points on the deformed curve.
@@ -121,8 +143,7 @@ class EdgeChain:
         samples = np.einsum("sa,eac->esc", shape_functions(_SEARCH_POINTS)[0], nodes)
         _, nearest = cKDTree(samples.reshape(-1, 2)).query(points)
         centre = nearest // len(_SEARCH_POINTS)
-        n_edges = len(nodes)
-        candidates = np.stack([centre - 1, centre, centre + 1], axis=1) % n_edges
+        candidates = self.around(centre, 1)
         xi, distance = _closest_on_edges(points[:, None, :], nodes[candidates])
         overrun = np.maximum(np.abs(xi) - 1.0, 0.0)
         # First the least overrun, then the least distance: both are zero or equal only on ties.
@@ -136,6 +157,7 @@ class EdgeChain:
         first = np.einsum("na,nac->nc", d_values, nodes)
         tangent = first / np.linalg.norm(first, axis=1, keepdims=True)
         reference = self.reference[edge]
+        past_end = ((edge == 0) & (xi < -1)) | ((edge == len(self.start) - 1) & (xi > 1))
         return Projection(
             edge=edge,
             xi=xi,
@@ -146,21 +168,31 @@ class EdgeChain:
             second=np.einsum("na,nac->nc", dd_values, nodes),
             arc=self.arc(edge, xi),
             darc=np.linalg.norm(np.einsum("na,nac->nc", d_values, reference), axis=1),
+            beyond=past_end & (not self.closed),
         )
 
     def slip(self, arc: FloatArray, previous: FloatArray) -> FloatArray:
-        """Signed arc length from `previous` to `arc`, the short way round the chain, in mm."""
-        half = 0.5 * self.circumference
-        return (arc - previous + half) % self.circumference - half
+        """Signed arc length from `previous` to `arc`, in mm; round a closed chain the short way."""
+        if not self.closed:
+            return arc - previous
+        half = 0.5 * self.length
+        return (arc - previous + half) % self.length - half
 
 
-def order_chain(edges: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Order loose edges into a closed, counter-clockwise chain that starts at the largest x.
+def order_chain(
+    edges: FloatArray, inside: FloatArray | None = None
+) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Order loose edges into a chain.
+
+    A closed chain runs counter-clockwise and starts at the largest x. An open one starts at the end
+    from which its body is on the right, as that of a socket's inner face is.
 
     Parameters
     ----------
     edges : (n_edges, 3, 2)
         Nodes of each edge: two vertices in any order, then the mid-side node, in mm.
+    inside : (n_edges, 2), optional
+        A point of the body beside each edge, in mm; an open chain needs it.
 
     Returns
     -------
@@ -170,36 +202,49 @@ def order_chain(edges: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
     Raises
     ------
     ValueError
-        If the edges do not form one closed chain.
+        If the edges do not form one chain, or form an open one without `inside`.
     """
     vertices = edges[:, :2].reshape(-1, 2)
     scale = np.ptp(vertices, axis=0).max()
     tree = cKDTree(vertices)
-    pairs = tree.query_pairs(1e-9 * scale, output_type="ndarray")
+    pairs = tree.query_pairs(_SAME_POINT * scale, output_type="ndarray")
     partner = np.full(len(vertices), -1)
     partner[pairs[:, 0]] = pairs[:, 1]
     partner[pairs[:, 1]] = pairs[:, 0]
-    if len(pairs) != len(edges) or (partner < 0).any():
+    ends = np.flatnonzero(partner < 0)
+    if len(pairs) != len(edges) - len(ends) // 2 or len(ends) not in (0, 2):
+        raise ValueError(f"{len(edges)} edges do not form a chain of edges")
+    if len(ends) == 0:
+        # The start depends on geometry alone, so that every partition walks the same chain.
+        middle = edges[:, 2]
+        start = 2 * int(np.lexsort((middle[:, 1], -middle[:, 0]))[0])
+    elif inside is None:
         raise ValueError(f"{len(edges)} edges do not form a closed chain of edges")
-    # The start depends on geometry alone, so that every partition walks the same chain.
-    middle = edges[:, 2]
-    here = 2 * int(np.lexsort((middle[:, 1], -middle[:, 0]))[0])
-    order, flipped = [], []
-    for _ in range(len(edges)):
-        order.append(here // 2)
-        flipped.append(bool(here % 2))
-        here = int(partner[here ^ 1])
-    if len(set(order)) != len(edges):
-        raise ValueError(f"{len(edges)} edges form more than one closed chain")
-    chain = np.array(order)
-    flip = np.array(flipped)
-    polygon = edges[chain, 2]
-    ahead = np.roll(polygon, -1, axis=0)
-    if np.sum(polygon[:, 0] * ahead[:, 1] - ahead[:, 0] * polygon[:, 1]) < 0:
-        # Walk the other way round, from the same edge.
-        chain = np.roll(chain[::-1], 1)
-        flip = np.roll(~flip[::-1], 1)
+    else:
+        start = int(ends[0])
+    walk = [start]
+    while (here := int(partner[walk[-1] ^ 1])) not in (-1, start):
+        walk.append(here)
+    if len(walk) != len(edges):
+        raise ValueError(f"{len(edges)} edges form more than one chain")
+    chain, flip = np.divmod(np.array(walk), 2)
+    flip = flip.astype(bool)
+    if len(ends) == 0:
+        polygon = edges[chain, 2]
+        if _turning(polygon, np.roll(polygon, -1, axis=0)).sum() < 0:
+            # Walk the other way round, from the same edge.
+            chain = np.roll(chain[::-1], 1)
+            flip = np.roll(~flip[::-1], 1)
+    elif inside is not None:
+        first, second = along_chain(edges, chain, flip)[0, :2]
+        if _turning(second - first, inside[chain[0]] - first) > 0:
+            chain, flip = chain[::-1], ~flip[::-1]
     return chain, flip
+
+
+def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product of (..., 2) vectors: > 0 where b is on the left of a."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def along_chain(

@@ -22,10 +22,10 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.driven import Drive, DrivenModel
 from calfsocket.laws import Hencky
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.verification.driven import Drive, DrivenModel
 from calfsocket.verification.report import Check, Figure, Section
 
 FloatArray = NDArray[np.float64]

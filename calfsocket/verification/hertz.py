@@ -31,10 +31,10 @@ from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STICK
 from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.driven import Drive, DrivenModel
 from calfsocket.laws import Hencky
 from calfsocket.meshes import tags
 from calfsocket.meshes.blocks import LIMB, DiscInCavity
-from calfsocket.verification.driven import Drive, DrivenModel
 from calfsocket.verification.report import Check, Figure, Section
 
 FloatArray = NDArray[np.float64]

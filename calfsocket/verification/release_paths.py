@@ -99,7 +99,7 @@ class StiffeningContact(ContactInterface):
         shear = self.state().traction.shear
         super().accept()
         self._shear = shear
-        self._converged_arc = self._converged_arc + self._deflection()
+        self.converged_arc = self.converged_arc + self._deflection()
 
     def revert(self) -> None:
         """Take the last `accept` back."""
@@ -148,7 +148,7 @@ class ShrinkingContact(ContactInterface):
         if self._smallest_gap(0.0) < CLEARANCE:
             self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
         self.load = 0.0
-        self._converged_arc = self._earlier_arc = self.state().projection.arc
+        self.converged_arc = self._earlier_arc = self.state().projection.arc
 
     @property
     def load(self) -> float:

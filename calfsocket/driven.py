@@ -1,4 +1,4 @@
-"""A model whose held boundaries are moved: the loads of the verification problems."""
+"""A model whose held boundaries are moved: prescribed displacements instead of an overclosure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

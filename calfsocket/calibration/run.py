@@ -1,0 +1,197 @@
+"""The calibration: Separate's curve, the combined law fitted to it, and what else is compared."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from calfsocket.calibration.fit import Fit, fit_curve, ogden
+from calfsocket.calibration.indentation import Curve, Indentation
+from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.errors import InputError
+from calfsocket.gather import section_fields
+from calfsocket.laws import Law, Ogden
+from calfsocket.meshes.compound import Compound
+from calfsocket.meshes.data import Limb
+from calfsocket.meshes.sizing import mesh_size
+from calfsocket.section_fields import SectionFields
+from calfsocket.tissues import FasciaC10, material_set
+
+SEPARATE, FITTED, TABLE1, IGNORED = (
+    "separate",
+    "combined_fitted",
+    "combined_table1",
+    "fascia_ignored",
+)
+SpecimenName = Literal["compound", "limb"]
+
+STARTS = (ogden(5e-3, 5.0), ogden(30e-3, 25.0))
+"""Where searches begin, on either side of any combined material of muscle and fascia."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a calibration depends on.
+
+    Attributes
+    ----------
+    specimen : str
+        "compound" or "limb".
+    compound, limb
+        Geometry of the two.
+    size : str
+        Mesh size: "coarse", "medium" or "paper".
+    fascia_c10 : str
+        "printed" or "tables" (`tissues.FASCIA_C10`).
+    materials : mapping of tissue name to law
+        Laws of the Separate set in the place of Table 1's.
+    contact : ContactParameters
+        Friction and Nitsche stiffness.
+    stroke : float, optional
+        Way of the plate, mm; the specimen's own otherwise.
+    points : int
+        Points of the curves.
+    starts : tuple of Ogden
+        Where searches begin; the best result counts.
+    free_d : bool
+        Whether D1 is fitted, too, instead of following from nu = 0.495.
+    """
+
+    compound: Compound
+    limb: Limb
+    specimen: SpecimenName = "compound"
+    size: str = "coarse"
+    fascia_c10: FasciaC10 = "printed"
+    materials: Mapping[str, Law] | None = None
+    contact: ContactParameters = field(default_factory=ContactParameters)
+    stroke: float | None = None
+    points: int = 8
+    starts: tuple[Ogden, ...] = STARTS
+    free_d: bool = False
+
+    def __post_init__(self) -> None:
+        needed = 4 if self.free_d else 3
+        if self.points < needed:
+            raise InputError(f"--points: {self.points}; the fit needs {needed} or more")
+        if self.stroke is not None and not 0 < self.stroke < np.inf:
+            raise InputError(f"--stroke: {self.stroke}; give a length above 0, in mm")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Results of a calibration.
+
+    Attributes
+    ----------
+    curves : dict of str to Curve
+        Of `SEPARATE`, `FITTED`, `TABLE1` and `IGNORED`.
+    fits : tuple of Fit
+        One a start, the best first.
+    fields : SectionFields or None
+        Separate's state at the full stroke, on rank 0.
+    """
+
+    specimen: Specimen
+    curves: dict[str, Curve]
+    fits: tuple[Fit, ...]
+    fields: SectionFields | None
+
+    @property
+    def law(self) -> Ogden:
+        """The fitted combined law."""
+        return self.fits[0].law
+
+    def deviation(self, name: str) -> float:
+        """Root mean square difference of a curve to Separate's, as a share of its largest force."""
+        reference = self.curves[SEPARATE].force
+        difference = (self.curves[name].force - reference) / np.abs(reference).max()
+        return float(np.sqrt(np.mean(difference**2)))
+
+    def ordering(self) -> dict[str, bool]:
+        """Tell which of the paper's observations (section 4) hold here."""
+        force: dict[str, NDArray[np.float64]] = {n: c.force for n, c in self.curves.items()}
+        ignored = force[IGNORED]
+        return {
+            "ignoring fascia is softer than Separate": bool(np.all(ignored < force[SEPARATE])),
+            "ignoring fascia is softer than Combined (fitted)": bool(
+                np.all(ignored < force[FITTED])
+            ),
+            "ignoring fascia is softer than Combined (Table 1)": bool(
+                np.all(ignored < force[TABLE1])
+            ),
+            "ignoring fascia is further from Separate than Combined (fitted)": (
+                self.deviation(IGNORED) > self.deviation(FITTED)
+            ),
+            "ignoring fascia is further from Separate than Combined (Table 1)": (
+                self.deviation(IGNORED) > self.deviation(TABLE1)
+            ),
+        }
+
+
+def calibrate(
+    comm: MPI.Comm, settings: Settings, tell: Callable[[str], None] = lambda text: None
+) -> Calibration:
+    """Solve all curves and fit the combined law (collective).
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+        Ranks that solve together.
+    settings : Settings
+        What to solve.
+    tell : callable
+        Called with a line for each curve.
+    """
+    specimen = _specimen(comm, settings)
+    displacements = specimen.stroke / settings.points * np.arange(1.0, settings.points + 1)
+    separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
+    curves = {}
+
+    def press(name: str, laws: Mapping[str, Law]) -> Indentation:
+        test = Indentation(specimen, laws, settings.contact)
+        curves[name] = test.curve(displacements, count_modes=True)
+        tell(f"{name}: {curves[name].force[-1]:.4g} N/mm at {specimen.stroke:g} mm")
+        return test
+
+    reference = press(SEPARATE, separate)
+    fields = section_fields(reference.model, specimen.tissues)
+    press(IGNORED, separate | {"fascia": separate["muscle"]})
+
+    def combined(law: Law) -> dict[str, Law]:
+        return separate | {"muscle": law, "fascia": law}
+
+    table1 = material_set("combined", materials=settings.materials)["muscle"]
+    test = press(TABLE1, combined(table1))
+
+    def curve_of(law: Ogden, neighbours: Sequence[Ogden]) -> Curve:
+        test.set_laws(combined(law))
+        return test.curve(displacements, variations=[combined(near) for near in neighbours])
+
+    def on_curve(law: Ogden, rms: float) -> None:
+        tell(f"mu {1e3 * law.mu[0]:.4g} kPa, alpha {law.alpha[0]:.4g}: {100 * rms:.3g} % off")
+
+    fits = sorted(
+        (
+            fit_curve(curve_of, curves[SEPARATE].force, start, settings.free_d, on_curve)
+            for start in settings.starts
+        ),
+        key=lambda fit: fit.rms,
+    )
+    test.set_laws(combined(fits[0].law))
+    curves[FITTED] = test.curve(displacements, count_modes=True)
+    return Calibration(specimen, curves, tuple(fits), fields)
+
+
+def _specimen(comm: MPI.Comm, settings: Settings) -> Specimen:
+    size = mesh_size(settings.size)
+    if settings.specimen == "compound":
+        specimen = compound_specimen(comm, settings.compound, size)
+    else:
+        specimen = limb_specimen(comm, settings.limb, size)
+    if settings.stroke is None:
+        return specimen
+    return replace(specimen, stroke=settings.stroke)

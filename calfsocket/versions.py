@@ -1,0 +1,26 @@
+"""The versions of what results are made with."""
+
+import importlib.metadata
+import platform
+
+import gmsh
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import calfsocket
+
+PACKAGES = ("fenics-dolfinx", "fenics-ufl", "fenics-basix", "numpy", "scipy", "pyvista")
+
+
+def versions() -> dict[str, str]:
+    """Version of each package by its name; "unknown" where it does not tell."""
+    found = {"calfsocket": calfsocket.__version__, "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "unknown"
+    found["gmsh"] = gmsh.__version__
+    found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
+    found["mpi"] = MPI.Get_library_version().split(",")[0].strip("\0\n ")
+    return found
