@@ -50,8 +50,8 @@ def draw(calibration: Calibration, folder: Path) -> list[Path]:
     width, height = np.ptp(calibration.fields.points, axis=0)
     shape = (2, 1) if width > height else (1, 2)
     models = grid[0].subgridspec(*shape, wspace=0.05, hspace=0.12)
-    for place, deformed in zip(models, (False, True), strict=True):
-        _draw_model(figure.add_subplot(place), calibration, deformed)
+    for place, deformed in enumerate((False, True)):
+        _draw_model(figure.add_subplot(models[place]), calibration, deformed)
     _draw_curves(figure.add_subplot(grid[1]), calibration)
     present = calibration.specimen.tissues.values()
     figure.legend(
