@@ -25,8 +25,8 @@ pressure, which the area loss and the bulk moduli fix, hardly feels any of it.
 In the tightest socket, HS, the stiffened path ends on another branch, besides. The deep fascia
 behind, where it waves in any case, finds no equilibrium near the last one when four fifths of the
 pressure are reached, and snaps into waves at other places; dashpots carry the limb over. Both
-branches are stable. Local pressure and displacement differ between them by as much as leaving
-friction out makes of them at the front.
+branches are stable. Local pressure differs between them by as much as leaving friction out makes of
+it at the front.
 """
 
 from collections.abc import Callable
