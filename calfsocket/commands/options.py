@@ -1,6 +1,7 @@
 """Options that several commands have, and what they mean."""
 
 import argparse
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
@@ -59,10 +60,11 @@ def add_friction(options: Options) -> None:
 
 def friction_coefficient(word: str) -> float:
     """Read a coefficient of friction."""
-    coefficient = float(word)
-    if not (math.isfinite(coefficient) and coefficient >= 0):
-        raise argparse.ArgumentTypeError(f"{word}; give a number of 0 or more")
-    return coefficient
+    with contextlib.suppress(ValueError):
+        coefficient = float(word)
+        if 0 <= coefficient < math.inf:
+            return coefficient
+    raise argparse.ArgumentTypeError(f"{word}; give a number of 0 or more")
 
 
 def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"]) -> dict[str, Any]:
