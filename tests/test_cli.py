@@ -148,3 +148,17 @@ def test_bad_input_is_said_once_under_mpirun(mpirun, tmp_path):
     output = mpirun(2, ["-m", "calfsocket", "--size", "tiny"], timeout=120, code=2)
     assert output == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_the_first_rank_refuses_all_ranks_refuse(mpirun):
+    program = (
+        "from mpi4py import MPI\n"
+        "from calfsocket.commands.first_rank import on_first_rank\n"
+        "from calfsocket.errors import InputError\n"
+        "def refuse(): raise InputError(f'refused on {MPI.COMM_WORLD.rank}')\n"
+        "try: on_first_rank(MPI.COMM_WORLD, refuse)\n"
+        "except InputError as error: print(error)\n"
+        "on_first_rank(MPI.COMM_WORLD, lambda: print('done'))\n"
+    )
+    output = mpirun(2, ["-c", program], timeout=60)
+    assert sorted(output.split("\n")) == ["", "done", "refused on 0", "refused on 0"]
