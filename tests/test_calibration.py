@@ -249,8 +249,6 @@ def test_calibration_from_start_to_files(tmp_path):
         (["--stroke", "nan"], ["--stroke", "nan"]),
         (["--start", "5"], ["--start", "'5'", "mu in kPa and alpha"]),
         (["--start", "5,90"], ["--start", "'5,90'", "0.5 to 40"]),
-        (["--size", "tiny"], ["tiny", "coarse, medium, paper"]),
-        (["--friction", "-1"], ["--friction", "0 or more"]),
         (["--material", "combined=x.toml"], ["combined", "skin"]),
         (["--pionts", "5"], ["--pionts", "did you mean --points?"]),
     ],

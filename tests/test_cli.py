@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from calfsocket import cli
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
@@ -34,6 +36,69 @@ def test_help_teaches_and_is_quick(tmp_path):
     assert elapsed < 5
 
 
+def test_help_waits_for_no_heavy_package(tmp_path):
+    program = (
+        "import contextlib, sys; from calfsocket import cli\n"
+        "with contextlib.suppress(SystemExit): cli.main(['--help'])\n"
+        "print({'numpy', 'pydantic', 'rich', 'mpi4py', 'petsc4py', 'dolfinx'} & set(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.fspath(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.splitlines()[-1] == "set()"
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_every_command_is_listed_and_has_a_help_of_its_own(name, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--help"])
+    assert end.value.code == 0
+    assert f"  {name:9s} {cli.COMMANDS[name].HELP}\n" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as end:
+        cli.main([name, "--help"])
+    assert end.value.code == 0
+    told = capsys.readouterr().out
+    assert told.startswith(f"usage: python3 -m calfsocket {name} ")
+    # argparse breaks lines anew.
+    assert " ".join(cli.COMMANDS[name].DESCRIPTION.split()) in " ".join(told.split())
+
+
+def test_calibration_goes_where_the_report_looks_for_it(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["calibrate", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "--out DIR default: results/calibration," in told
+
+
+@pytest.mark.parametrize("command", [[], ["calibrate"]])
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--friction", "-0.1"], "--friction: -0.1; give a number of 0 or more"),
+        (["--friction", "inf"], "--friction: inf; give a number of 0 or more"),
+        (["--friction", "nan"], "--friction: nan; give a number of 0 or more"),
+        (["--friction", "much"], "--friction: much; give a number of 0 or more"),
+        (["--size", "tiny"], "size: no mesh size 'tiny'; allowed: coarse, medium, paper"),
+        (["--material", "fascia"], "--material fascia: write TISSUE=FILE.toml"),
+        (["--material", "fascia=no.toml"], "no.toml: cannot be read"),
+    ],
+)
+def test_what_study_and_calibration_share_is_refused_by_both(
+    command, words, says, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([*command, *words]) == 2
+    output, errors = capsys.readouterr()
+    (line,) = errors.splitlines()
+    assert output == "" and says in line
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -46,9 +111,6 @@ def test_help_teaches_and_is_quick(tmp_path):
         (["--materials", "separate,both"], ["--materials", "'both'", "separate, combined"]),
         (["--socket-support", "glued"], ["--socket-support", "floating", "outer-fixed"]),
         (["--fascia-c10", "5"], ["--fascia-c10", "printed", "tables"]),
-        (["--friction", "-0.1"], ["--friction", "-0.1", "0 or more"]),
-        (["--friction", "nan"], ["--friction", "nan"]),
-        (["--friction", "much"], ["--friction", "'much'"]),
         (["--ranks-per-case", "0"], ["--ranks-per-case", "1 to 1"]),
         (["--ranks-per-case", "2"], ["--ranks-per-case", "mpirun"]),
         (["--out", "/proc/calfsocket"], ["--out", "/proc/calfsocket"]),
@@ -62,15 +124,23 @@ def test_help_teaches_and_is_quick(tmp_path):
         (["calibrate", "--out", "/proc/calibration"], ["--out", "/proc/calibration"]),
     ],
 )
-def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path):
-    run = calfsocket(*words, cwd=tmp_path)
+def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    output, errors = capfd.readouterr()
+    assert output == ""
+    (line,) = errors.strip().splitlines()
+    assert line.startswith("calfsocket: ")
+    for word in says:
+        assert word in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_exit_code_reaches_the_shell(tmp_path):
+    run = calfsocket("picture", "nowhere", cwd=tmp_path)
     assert run.returncode == 2
     assert run.stdout == ""
-    lines = run.stderr.strip().splitlines()
-    assert len(lines) == 1, run.stderr
-    assert lines[0].startswith("calfsocket: ")
-    for word in says:
-        assert word in lines[0]
+    assert run.stderr.startswith("calfsocket: ") and run.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -78,3 +148,17 @@ def test_bad_input_is_said_once_under_mpirun(mpirun, tmp_path):
     output = mpirun(2, ["-m", "calfsocket", "--size", "tiny"], timeout=120, code=2)
     assert output == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_the_first_rank_refuses_all_ranks_refuse(mpirun):
+    program = (
+        "from mpi4py import MPI\n"
+        "from calfsocket.commands.first_rank import on_first_rank\n"
+        "from calfsocket.errors import InputError\n"
+        "def refuse(): raise InputError(f'refused on {MPI.COMM_WORLD.rank}')\n"
+        "try: on_first_rank(MPI.COMM_WORLD, refuse)\n"
+        "except InputError as error: print(error)\n"
+        "on_first_rank(MPI.COMM_WORLD, lambda: print('done'))\n"
+    )
+    output = mpirun(2, ["-c", program], timeout=60)
+    assert sorted(output.split("\n")) == ["", "done", "refused on 0", "refused on 0"]

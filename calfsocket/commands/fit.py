@@ -1,9 +1,17 @@
-"""The command ``fit``: its options, and the files that it writes."""
+"""The command ``fit``: a law from stress-stretch data, and the files that it is written to."""
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from calfsocket.commands import OK
+from calfsocket.commands.first_rank import on_first_rank
 from calfsocket.errors import InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+HELP = "fit a law to stress-stretch data"
 
 DESCRIPTION = """\
 Fit a law to stress-stretch data (section 2.2 of the paper).
@@ -73,8 +81,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Fit, write the files, and tell the result."""
+    on_first_rank(comm, lambda: _fit(arguments))
+    return OK
+
+
+def _fit(arguments: argparse.Namespace) -> None:
     from calfsocket import writers
     from calfsocket.fit import figure, tables
     from calfsocket.fit.data import read_test

@@ -1,0 +1,125 @@
+"""The command ``calibrate``: one law for muscle and fascia from an indentation test."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands import OK, options
+from calfsocket.commands.first_rank import on_first_rank
+from calfsocket.errors import InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from calfsocket.laws import Ogden
+
+HELP = "fit the combined material of muscle and fascia"
+
+DESCRIPTION = """\
+Find the combined material of muscle and fascia: press a specimen with a flat plate, and fit
+Ogden's mu and alpha to the force-displacement curve of the separate materials.
+"""
+
+EPILOG = """\
+examples:
+  python3 -m calfsocket calibrate                   a compound of layers and compartments
+  python3 -m calfsocket calibrate --specimen limb   the limb's own section, which takes longer
+  python3 -m calfsocket --material combined=results/calibration/combined.toml
+
+results: curves.csv, calibration.json, combined.toml, figure3.png, figure3.pdf
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    what = parser.add_argument_group("what to press")
+    what.add_argument(
+        "--specimen",
+        default="compound",
+        choices=("compound", "limb"),
+        help="default: %(default)s",
+    )
+    what.add_argument(
+        "--compound", type=Path, metavar="FILE", help="dimensions, as meshes/compound.json"
+    )
+    what.add_argument("--stroke", type=float, metavar="MM", help="default: the specimen's own")
+    options.add_size(what, default="coarse")
+    options.add_fascia_c10(what)
+    options.add_material(what)
+    options.add_friction(what)
+    how = parser.add_argument_group("how to fit")
+    how.add_argument(
+        "--points", type=int, default=8, metavar="N", help="of a curve (default: %(default)s)"
+    )
+    how.add_argument(
+        "--start",
+        action="append",
+        default=[],
+        metavar="KPA,ALPHA",
+        help="where to search from; may be repeated (default: 5,5 and 30,25)",
+    )
+    how.add_argument(
+        "--free-d", action="store_true", help="fit D1, too, instead of taking nu = 0.495"
+    )
+    how.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/calibration"),
+        metavar="DIR",
+        help="default: %(default)s, where the report of results/ finds it",
+    )
+
+
+def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    """Press, fit, and write curves, material and Figure 3."""
+    from rich.console import Console
+
+    from calfsocket import compilation
+    from calfsocket.calibration import report
+    from calfsocket.calibration.run import STARTS, Settings, calibrate
+    from calfsocket.meshes.compound import load_compound
+    from calfsocket.meshes.data import load_limb
+
+    settings = Settings(
+        compound=load_compound(arguments.compound),
+        limb=load_limb(),
+        specimen=arguments.specimen,
+        stroke=arguments.stroke,
+        points=arguments.points,
+        starts=tuple(_start(word) for word in arguments.start) or STARTS,
+        free_d=arguments.free_d,
+        **options.model_settings(arguments, ["separate"]),
+    )
+    on_first_rank(comm, lambda: _make_folder(arguments.out))
+    compilation.warm(comm)
+    console = Console(stderr=True, quiet=comm.rank > 0)
+    calibration = calibrate(comm, settings, tell=lambda text: console.print(text, style="dim"))
+    if comm.rank == 0:
+        from calfsocket.calibration import figure
+
+        report.write(calibration, settings, arguments.out)
+        figure.draw(calibration, arguments.out)
+        report.show(calibration, Console())
+    return OK
+
+
+def _start(word: str) -> "Ogden":
+    """Read a start of a fit, mu in kPa and alpha."""
+    from calfsocket.calibration.fit import LARGEST_ALPHA, SMALLEST_ALPHA, ogden
+
+    try:
+        mu, alpha = (float(part) for part in word.split(","))
+    except ValueError:
+        raise InputError(f"--start: {word!r}; give mu in kPa and alpha, e.g. 5,5") from None
+    if not (0 < mu < float("inf") and SMALLEST_ALPHA <= alpha <= LARGEST_ALPHA):
+        raise InputError(
+            f"--start: {word!r}; give mu > 0 and alpha from {SMALLEST_ALPHA:g} to {LARGEST_ALPHA:g}"
+        )
+    return ogden(1e-3 * mu, alpha)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror}; name another folder") from None

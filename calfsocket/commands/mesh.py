@@ -1,0 +1,34 @@
+"""The command ``mesh``: a mesh without a solution."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands import OK, options
+from calfsocket.commands.first_rank import on_first_rank
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+HELP = "write a mesh and a table of its quality"
+DESCRIPTION = "Write a mesh with names, and show its quality."
+EPILOG = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("--socket", required=True, metavar="NAME", help="TC, TSB or HS")
+    options.add_size(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.msh")
+
+
+def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    """Write the mesh and print the table."""
+    from calfsocket.meshes.quality import format_table
+    from calfsocket.meshes.section import write_section
+
+    def write() -> None:
+        print(format_table(write_section(arguments.out, arguments.socket, arguments.size)))
+
+    on_first_rank(comm, write)
+    return OK

@@ -1,0 +1,87 @@
+"""Options that several commands have, and what they mean."""
+
+import argparse
+import contextlib
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from calfsocket.tissues import MaterialSet
+
+
+class Options(Protocol):
+    """A parser, or a group of its options."""
+
+    def add_argument(self, *names: str, **settings: Any) -> Any:
+        """Add an option."""
+
+
+def add_size(options: Options, default: str = "paper") -> None:
+    """Add the size of the mesh."""
+    options.add_argument(
+        "--size", default=default, help="mesh: coarse, medium or paper (default: %(default)s)"
+    )
+
+
+def add_fascia_c10(options: Options) -> None:
+    """Add the choice of fascia's first coefficient."""
+    options.add_argument(
+        "--fascia-c10",
+        default="printed",
+        choices=("printed", "tables"),
+        help="fascia's C10 as the paper prints it, 4.91 MPa, or as its tables need it, 0.491 MPa "
+        "(default: %(default)s)",
+    )
+
+
+def add_material(options: Options, remark: str = "") -> None:
+    """Add the material files, with a remark on the tissues that may be named."""
+    options.add_argument(
+        "--material",
+        action="append",
+        default=[],
+        metavar="TISSUE=FILE",
+        help="material file in the place of Table 1's law of a tissue, as `fit` writes it; "
+        f"{remark}may be repeated",
+    )
+
+
+def add_friction(options: Options) -> None:
+    """Add the coefficient of friction between skin and what presses on it."""
+    options.add_argument(
+        "--friction",
+        type=friction_coefficient,
+        default=0.4,
+        metavar="MU",
+        help="coefficient (default: %(default)s)",
+    )
+
+
+def friction_coefficient(word: str) -> float:
+    """Read a coefficient of friction."""
+    with contextlib.suppress(ValueError):
+        coefficient = float(word)
+        if 0 <= coefficient < math.inf:
+            return coefficient
+    raise argparse.ArgumentTypeError(f"{word}; give a number of 0 or more")
+
+
+def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"]) -> dict[str, Any]:
+    """Return what these options say, as the settings of a study and of a calibration have it.
+
+    Raises
+    ------
+    InputError
+        For an unknown mesh size, or a material file that cannot be used in these material sets.
+    """
+    from calfsocket.contact.nitsche import ContactParameters
+    from calfsocket.material_file import read_materials
+    from calfsocket.meshes.sizing import mesh_size
+
+    return {
+        "size": mesh_size(arguments.size).name,
+        "fascia_c10": arguments.fascia_c10,
+        "materials": read_materials(arguments.material, sets),
+        "contact": ContactParameters(fric_coeff=arguments.friction),
+    }

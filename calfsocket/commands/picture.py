@@ -1,0 +1,35 @@
+"""The command ``picture``: a solved case drawn again."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands import OK
+from calfsocket.commands.first_rank import on_first_rank
+from calfsocket.errors import InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+HELP = "draw a solved case again"
+DESCRIPTION = "Draw a solved case again, from its files."
+EPILOG = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="e.g. results/TC_separate")
+
+
+def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    """Draw, and print where."""
+    from calfsocket import picture
+    from calfsocket.writers import FIELDS_FILE
+
+    if not (arguments.folder / FIELDS_FILE).is_file():
+        raise InputError(
+            f"picture: {arguments.folder} holds no {FIELDS_FILE}; "
+            "name the folder of a solved case, e.g. results/TC_separate"
+        )
+    on_first_rank(comm, lambda: print(picture.draw(arguments.folder)))
+    return OK
