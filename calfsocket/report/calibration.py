@@ -24,6 +24,8 @@ SEPARATE, FITTED, TABLE1, IGNORED = (
     "combined_table1",
     "fascia_ignored",
 )
+TOGETHER = "\N{NO-BREAK SPACE}"  # a number and its deviation stay in one line
+
 LABELS = {
     SEPARATE: "Separate",
     FITTED: "Combined, fitted",
@@ -163,7 +165,7 @@ def read_calibration(study: Path) -> Calibration:
     if not folder.exists():
         raise NoCalibration(
             "needs the calibration of the combined material: solve `python3 -m calfsocket "
-            f"calibrate --out FOLDER/{FOLDER}`, FOLDER being this study's, and make the report again"
+            f"calibrate --out FOLDER/{FOLDER}`, FOLDER being this study's, and report again"
         )
     return Calibration(folder)
 
@@ -257,7 +259,7 @@ def _with_deviation(values: pd.Series, deviations: pd.Series) -> list[str]:
         if deviation >= 100:
             text += " (not determined)"
         elif np.isfinite(deviation):
-            text += f" ± {number(deviation)} %"
+            text += f"{TOGETHER}±{TOGETHER}{deviation:.2g}{TOGETHER}%"
         texts.append(text)
     return texts
 

@@ -34,8 +34,9 @@ def matched_curve(e: Evidence) -> Finding:
     fit = found.fit
     return Finding(
         bool(near.all()),
-        f"force with Table 1's combined law {_range(ratio[TABLE1])} of Separate's; with one fitted "
-        f"here (mu {number(fit.mu_kPa)} kPa, alpha {number(fit.alpha)}) {_range(ratio[FITTED])}",
+        f"force with Table 1's combined law {_range(ratio[TABLE1])} times Separate's; with one "
+        f"fitted here (mu {number(fit.mu_kPa)} kPa, alpha {number(fit.alpha)}) "
+        f"{_range(ratio[FITTED])}",
         "close over the whole curve",
         f"about equal at {near.sum()} of {len(near)} displacements: the parameters depend on the "
         "model's dimensions and stroke, which the paper does not give",
@@ -49,8 +50,8 @@ def ignoring_fascia_is_softer(e: Evidence) -> Finding:
     ratio = {name: force[IGNORED] / force[name] for name in (SEPARATE, TABLE1, FITTED)}
     return Finding(
         all(bool((values < 1).all()) for values in ratio.values()),
-        f"force without fascia {_range(ratio[SEPARATE])} of Separate's, {_range(ratio[TABLE1])} of "
-        f"Combined's with Table 1's law, {_range(ratio[FITTED])} with the fitted one",
+        f"force without fascia {_range(ratio[SEPARATE])} times Separate's, {_range(ratio[TABLE1])} "
+        f"times Combined's with Table 1's law, {_range(ratio[FITTED])} with the fitted one",
         "softer than both",
         "not at every displacement",
     )
