@@ -15,6 +15,15 @@ from calfsocket.section_fields import TISSUES, SectionFields
 SOFT_TISSUES = ("skin", "fat", "fascia", "muscle", "vessel")
 SOCKET_NAMES = {"TC": "total contact", "TSB": "total surface bearing", "HS": "hydrostatic"}
 
+# Told apart by hue, and by lightness for colour-blind eyes.
+TISSUE_COLOURS = {
+    "skin": "#c98d6b",
+    "fat": "#f8e9b0",
+    "fascia": "#6f7f8f",
+    "muscle": "#dc9a92",
+    "vessel": "#2a5d9c",
+    "bone": "#efede6",
+}
 # Light where the value is low, so that outlines show; told apart by colour-blind eyes too.
 STRESS_COLOURS = "YlGnBu"
 ABOVE = "#cc3c58"

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calfsocket.case import Settings
-from calfsocket.report.variants import BASE, FOLDER
+from calfsocket.report.results import VARIANTS_FOLDER
+from calfsocket.report.variants import BASE
 from calfsocket.study import Study
 
 
@@ -43,11 +44,11 @@ VARIANTS = (
 
 
 def studies(study: Study) -> list[Study]:
-    """Give the study and its variants, each with a folder of its own in `FOLDER`.
+    """Give the study and its variants, each with a folder of its own in `VARIANTS_FOLDER`.
 
     A variant that changes nothing, because the study was asked for with that choice, is left out.
     """
-    out = study.out / FOLDER
+    out = study.out / VARIANTS_FOLDER
     family = [replace(study, out=out / BASE)]
     for variant in VARIANTS:
         settings = _changed(study.settings, variant.changes)

@@ -14,7 +14,7 @@ from calfsocket import cli
 from calfsocket.calibration import figure, report
 from calfsocket.calibration.fit import SMALLEST_ALPHA, Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
-from calfsocket.calibration.run import FITTED, IGNORED, SEPARATE, TABLE1, Settings, calibrate
+from calfsocket.calibration.run import Settings, calibrate
 from calfsocket.calibration.specimen import Specimen, compound_specimen
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import InputError, SolveError
@@ -23,6 +23,14 @@ from calfsocket.material_file import read_material
 from calfsocket.meshes.compound import Compound, load_compound
 from calfsocket.meshes.data import load_limb
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.report.calibration import (
+    CURVES_FILE,
+    FITTED,
+    IGNORED,
+    RESULT_FILE,
+    SEPARATE,
+    TABLE1,
+)
 from calfsocket.tissues import MUSCLE, SOCKET, material_set
 
 COARSE = replace(mesh_size("coarse"), largest=8.0, growth=1.5)
@@ -216,7 +224,7 @@ def test_calibration_from_start_to_files(tmp_path):
     paths = figure.draw(result, tmp_path)
     assert [path.name for path in paths] == ["figure3.png", "figure3.pdf"]
     assert all(path.stat().st_size > 10_000 for path in paths)
-    table = pd.read_csv(tmp_path / report.CURVES_FILE)
+    table = pd.read_csv(tmp_path / CURVES_FILE)
     np.testing.assert_allclose(
         table["separate_N_per_m"], 1e3 * result.curves[SEPARATE].force, rtol=1e-8
     )
@@ -224,7 +232,7 @@ def test_calibration_from_start_to_files(tmp_path):
     assert isinstance(law, Ogden)
     assert law.mu == pytest.approx(result.law.mu)
     assert law.alpha == pytest.approx(result.law.alpha)
-    content = json.loads((tmp_path / report.RESULT_FILE).read_text())
+    content = json.loads((tmp_path / RESULT_FILE).read_text())
     assert content["fits"][0]["mu_kPa"] == pytest.approx(1e3 * result.law.mu[0])
     assert content["inputs"]["geometry"]["stroke"] == 2.4
     assert content["inputs"]["laws"]["muscle"]["alpha"] == list(MUSCLE.alpha)

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from calfsocket.report import comparison
-from calfsocket.report.figures import PLANS, Drawn, changes, geometry, maps, pressure
+from calfsocket.report.drawn import Drawn
+from calfsocket.report.figures import PLANS, changes, geometry, maps, pressure
 from calfsocket.report.figures.style import save, type_set
 from calfsocket.report.results import Results, read_results
 from report_results import contact_on, limb, limb_study, write_results
@@ -68,7 +69,7 @@ def test_plots_are_vectors_and_maps_have_one_image_a_case(drawn):
 
 @pytest.mark.parametrize("number", ["1", "4", "5"])
 def test_files_have_the_same_bytes_again(results, drawn, number, tmp_path):
-    plan = drawn[number].plan
+    plan = drawn[number].heading
     with type_set():
         png, pdf = save(plan.draw(results), tmp_path, plan.name)
     assert png.read_bytes() == drawn[number].png.read_bytes()

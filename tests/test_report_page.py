@@ -15,7 +15,8 @@ from calfsocket import cli, study
 from calfsocket.report import answer, method, scoreboard, writing
 from calfsocket.report.answer import sector
 from calfsocket.report.damage import Thresholds
-from calfsocket.report.figures import PLANS, Drawn
+from calfsocket.report.drawn import Drawn
+from calfsocket.report.figures import PLANS
 from calfsocket.report.results import read_results
 from calfsocket.study import attempt
 from report_results import contact_on, limb, limb_study, write_results

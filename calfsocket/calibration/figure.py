@@ -2,146 +2,128 @@
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from calfsocket.calibration.run import FITTED, IGNORED, SEPARATE, TABLE1, Calibration
+from calfsocket import drawing
+from calfsocket.calibration.run import Calibration
 from calfsocket.laws import Ogden
-from calfsocket.section_fields import SectionFields
+from calfsocket.report.calibration import FIGURE, FITTED, IGNORED, SEPARATE, TABLE1
+from calfsocket.report.figures.style import (
+    WIDTH_MM,
+    add_axes,
+    legend_at,
+    new_figure,
+    save,
+    type_set,
+)
 from calfsocket.tissues import KPA, MUSCLE_AND_FASCIA
-from calfsocket.writers import replacing
 
-COLOURS = {
-    "skin": "#e8b89b",
-    "fat": "#f7e6a8",
-    "fascia": "#4a6fa5",
-    "muscle": "#c96a5f",
-    "bone": "#e3e3de",
-    "vessel": "#7b4a8c",
-    "socket": "#666666",
-}
+COLOURS = {**drawing.TISSUE_COLOURS, "socket": drawing.SOCKET}
 NAMES = {"socket": "plate"}
-OUTLINE = "#222222"
-RING = [0, 3, 1, 4, 2, 5]
-"""Nodes of a cell one after the other around it."""
+
+# Sizes on paper, mm.
+MODELS_MM, KEY_MM, TITLE_MM, GAP_MM = 92.0, 12.0, 6.0, 3.0
+CURVES_LEFT_MM, CURVES_BOTTOM_MM, LEAST_HEIGHT_MM = 108.0, 20.0, 76.0
 
 ARROW, MARGIN = 0.14, 0.02
 """Length of the arrow and margin around the model, as shares of its size."""
+
+SCALE_BAR_ROOM = 6.0
+"""Below the model, mm of the section."""
 
 NEWTON_PER_M = 1000.0
 """N per metre of limb in N per mm of it."""
 
 
-def draw(calibration: Calibration, folder: Path) -> list[Path]:
+def draw(calibration: Calibration, folder: Path) -> tuple[Path, Path]:
     """Write figure3.png and figure3.pdf; return their paths."""
+    with type_set():
+        return save(figure(calibration), folder, FIGURE)
+
+
+def figure(calibration: Calibration) -> Figure:
+    """Draw the model, loaded and not, and the curves beside it."""
     assert calibration.fields is not None
-    figure = plt.figure(figsize=(11.0, 5.2), dpi=200)
-    grid = figure.add_gridspec(
-        1, 2, width_ratios=(1.1, 1.0), left=0.02, right=0.98, top=0.93, bottom=0.12, wspace=0.17
-    )
-    width, height = np.ptp(calibration.fields.points, axis=0)
-    shape = (2, 1) if width > height else (1, 2)
-    models = grid[0].subgridspec(*shape, wspace=0.05, hspace=0.12)
-    for place, deformed in enumerate((False, True)):
-        _draw_model(figure.add_subplot(models[place]), calibration, deformed)
-    _draw_curves(figure.add_subplot(grid[1]), calibration)
+    window = _window(calibration)
+    aspect = (window[3] - window[2]) / (window[1] - window[0])
+    below = aspect < 1  # a flat model's two states stand one below the other
+    width = MODELS_MM if below else (MODELS_MM - GAP_MM) / 2
+    height = aspect * width + TITLE_MM
+    models = 2 * height if below else height
+    top = max(models + KEY_MM, LEAST_HEIGHT_MM)
+    page = new_figure(top)
+    for place in range(2):
+        left = 0.0 if below else place * (width + GAP_MM)
+        bottom = top - height * (1 + place * below)
+        axes = add_axes(page, left, bottom, width, height - TITLE_MM)
+        drawing.frame(axes, window)
+        _draw_model(axes, calibration, window, deformed=place == 1)
+    curves = add_axes(
+        page, CURVES_LEFT_MM, CURVES_BOTTOM_MM, WIDTH_MM - CURVES_LEFT_MM - 2,
+        top - CURVES_BOTTOM_MM - TITLE_MM,
+    )  # fmt: skip
+    _draw_curves(curves, calibration)
     present = calibration.specimen.tissues.values()
-    figure.legend(
-        handles=[
-            Patch(facecolor=colour, edgecolor=OUTLINE, linewidth=0.5, label=NAMES.get(name, name))
+    legend_at(
+        page,
+        1.0,
+        2.0,
+        [
+            Patch(facecolor=colour, edgecolor="black", linewidth=0.4, label=NAMES.get(name, name))
             for name, colour in COLOURS.items()
             if name in present
         ],
-        loc="lower left",
-        bbox_to_anchor=(0.01, 0.01),
-        ncols=len(COLOURS),
-        frameon=False,
-        fontsize=8.5,
-        handlelength=1.2,
-        columnspacing=1.1,
     )
-    paths = []
-    for ending in ("png", "pdf"):
-        paths.append(folder / f"figure3.{ending}")
-        with replacing(paths[-1]) as temporary:
-            # Without a date, the same results give the same file.
-            metadata = {"CreationDate": None} if ending == "pdf" else None
-            figure.savefig(temporary, facecolor="white", metadata=metadata)
-    plt.close(figure)
-    return paths
+    return page
 
 
-def _draw_model(axes: Axes, calibration: Calibration, deformed: bool) -> None:
-    fields, specimen = calibration.fields, calibration.specimen
+def _window(calibration: Calibration) -> drawing.Window:
+    """Give the piece of the plane that both states and the arrow need."""
+    fields, way = calibration.fields, np.array(calibration.specimen.direction)
     assert fields is not None
-    points = fields.points + deformed * fields.displacement
-    tissue = np.array([fields.region_tissues[int(region)] for region in fields.region])
-    axes.add_collection(
-        PolyCollection(
-            list(points[fields.cells[:, RING]]),
-            facecolors=[COLOURS[name] for name in tissue],
-            edgecolors="face",
-            linewidths=0.2,
-        )
-    )
-    axes.add_collection(
-        LineCollection(list(points[_outlines(fields)]), colors=OUTLINE, linewidths=0.5)
-    )
-    plate = points[np.unique(fields.cells[tissue == "socket"])]
-    way = np.array(specimen.direction)
-    back = plate[np.argmin(plate @ way)] @ way
-    middle = plate.mean(axis=0)
-    tail = middle + (back - middle @ way) * way
+    both = np.concatenate([fields.points, drawing.deformed(fields)])
     size = np.ptp(fields.points, axis=0).max()
-    if not deformed:
-        axes.annotate(
-            "",
-            xy=tail,
-            xytext=tail - ARROW * size * way,
-            arrowprops={
-                "arrowstyle": "-|>,head_width=0.25,head_length=0.5",
-                "linewidth": 1.5,
-                "color": "black",
-                "shrinkA": 0.0,
-            },
-        )
-        x, y = tail - 0.5 * ARROW * size * way
-        axes.text(
-            x + 0.02 * size,
-            y,
-            f"u, up to {specimen.stroke:g} mm",
-            va="center",
-            fontsize=9,
-        )
-    both = np.concatenate([fields.points, fields.points + fields.displacement])
     start = both.min(axis=0) - MARGIN * size - ARROW * size * np.clip(way, 0, 1)
     end = both.max(axis=0) + MARGIN * size + ARROW * size * np.clip(-way, 0, 1)
-    axes.set(xlim=(start[0], end[0]), ylim=(start[1], end[1]), aspect="equal")
-    axes.set_title(
-        f"Separate set at u = {specimen.stroke:g} mm" if deformed else "Calibration model",
-        fontsize=10,
-    )
-    axes.axis("off")
+    return start[0], end[0], start[1] - SCALE_BAR_ROOM, end[1]
 
 
-def _outlines(fields: SectionFields) -> NDArray[np.int64]:
-    """Return the edges at which regions end: a corner, the node between, a corner; (n, 3)."""
-    corners = fields.cells[:, :3]
-    edges = np.stack([corners, fields.cells[:, 3:], np.roll(corners, -1, axis=1)], axis=2)
-    edges = edges.reshape(-1, 3)
-    # The node between two corners names an edge; within a region it is in two cells.
-    key = np.stack([np.repeat(fields.region, 3), edges[:, 1]], axis=1)
-    _, index, count = np.unique(key, axis=0, return_index=True, return_counts=True)
-    outline: NDArray[np.int64] = edges[index[count == 1]]
-    return outline
+def _draw_model(
+    axes: Axes, calibration: Calibration, window: drawing.Window, deformed: bool
+) -> None:
+    fields, specimen = calibration.fields, calibration.specimen
+    assert fields is not None
+    points = drawing.deformed(fields) if deformed else fields.points
+    for tissue, colour in COLOURS.items():
+        drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
+    drawing.draw_outlines(axes, fields, points, linewidth=0.4)
+    if deformed:
+        axes.set_title(f"Separate set at u = {specimen.stroke:g} mm", pad=2)
+        return
+    axes.set_title("Calibration model", pad=2)
+    drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
+    plate = points[np.unique(fields.cells[drawing.cells_of(fields, "socket")])]
+    _draw_arrow(axes, plate, np.array(specimen.direction), f"u, up to {specimen.stroke:g} mm")
+
+
+def _draw_arrow(
+    axes: Axes, plate: NDArray[np.float64], way: NDArray[np.float64], text: str
+) -> None:
+    """Draw an arrow that ends at the middle of the plate's back."""
+    middle = plate.mean(axis=0)
+    tip = middle + ((plate @ way).min() - middle @ way) * way
+    left, right = axes.get_xlim()
+    bottom, top = axes.get_ylim()
+    room = ((tip - (left, bottom)) if way.sum() > 0 else ((right, top) - tip)) @ np.abs(way)
+    arrow = {"arrowstyle": "-|>,head_width=0.2,head_length=0.4", "linewidth": 1.2}
+    arrow |= {"color": "black", "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", xy=tip, xytext=tip - room * way, arrowprops=arrow)
+    x, y = tip - 0.5 * room * way
+    axes.annotate(text, (x, y), (3, 0), textcoords="offset points", va="center", fontsize=7)
 
 
 def _draw_curves(axes: Axes, calibration: Calibration) -> None:
@@ -161,17 +143,21 @@ def _draw_curves(axes: Axes, calibration: Calibration) -> None:
             style,
             color=colour,
             label=label,
-            linewidth=2.0,
+            linewidth=1.5,
         )
     reference = calibration.curves[SEPARATE]
-    axes.plot(reference.displacement, NEWTON_PER_M * reference.force, "ko", markersize=4)
+    axes.plot(
+        reference.displacement, NEWTON_PER_M * reference.force, "ko", markersize=3, clip_on=False
+    )
     axes.set(
         xlabel="displacement of the plate u, mm",
         ylabel="reaction force, N per metre of limb",
         xlim=(0.0, calibration.specimen.stroke),
     )
     axes.set_ylim(bottom=0.0)
-    axes.set_title("Force over displacement (points: fitted to)", fontsize=10)
-    axes.grid(color="0.9", linewidth=0.6)
+    axes.set_title("Force over displacement (points: fitted to)", pad=2)
+    axes.grid(color="0.9", linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(title="muscle and fascia (mu, alpha)", frameon=False, fontsize=9)
+    axes.legend(
+        title="muscle and fascia (mu, alpha)", title_fontsize=7, alignment="left", frameon=False
+    )

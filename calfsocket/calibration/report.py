@@ -10,18 +10,22 @@ from rich.table import Table
 
 from calfsocket import writers
 from calfsocket.calibration.fit import NU, Fit
-from calfsocket.calibration.run import FITTED, IGNORED, SEPARATE, TABLE1, Calibration, Settings
+from calfsocket.calibration.run import Calibration, Settings
+from calfsocket.calibration.specimen import LIMB_PLATE
 from calfsocket.material_file import write_material
+from calfsocket.report.calibration import (
+    CURVES_FILE,
+    FITTED,
+    IGNORED,
+    LABELS,
+    RESULT_FILE,
+    SEPARATE,
+    TABLE1,
+)
 from calfsocket.tissues import KPA, MUSCLE_AND_FASCIA, material_set
 from calfsocket.versions import versions
 
-CURVES_FILE, RESULT_FILE, MATERIAL_FILE = "curves.csv", "calibration.json", "combined.toml"
-LABELS = {
-    SEPARATE: "Separate",
-    FITTED: "Combined, fitted",
-    TABLE1: "Combined, Table 1",
-    IGNORED: "fascia ignored",
-}
+MATERIAL_FILE = "combined.toml"
 
 
 def write(calibration: Calibration, settings: Settings, folder: Path) -> None:
@@ -55,7 +59,9 @@ def curves(calibration: Calibration) -> pd.DataFrame:
 def content(calibration: Calibration, settings: Settings) -> dict[str, Any]:
     """Versions, inputs, fits, ordering and how the curves were solved."""
     specimen = calibration.specimen
-    geometry = settings.compound if settings.specimen == "compound" else settings.limb
+    on_compound = settings.specimen == "compound"
+    geometry = settings.compound if on_compound else settings.limb
+    plate = settings.compound.plate if on_compound else LIMB_PLATE
     separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
     return {
         "program": "calfsocket calibrate",
@@ -63,6 +69,7 @@ def content(calibration: Calibration, settings: Settings) -> dict[str, Any]:
         "inputs": {
             "specimen": settings.specimen,
             "geometry": geometry.model_dump(mode="json"),
+            "plate": plate.model_dump(mode="json"),
             "size": settings.size,
             "cells": specimen.section.mesh.topology.index_map(2).size_global,
             "stroke_mm": specimen.stroke,

@@ -18,15 +18,10 @@ from calfsocket.laws import Law, Ogden
 from calfsocket.meshes.compound import Compound
 from calfsocket.meshes.data import Limb
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.section_fields import SectionFields
 from calfsocket.tissues import FasciaC10, material_set
 
-SEPARATE, FITTED, TABLE1, IGNORED = (
-    "separate",
-    "combined_fitted",
-    "combined_table1",
-    "fascia_ignored",
-)
 SpecimenName = Literal["compound", "limb"]
 
 STARTS = (ogden(5e-3, 5.0), ogden(30e-3, 25.0))

@@ -1,5 +1,6 @@
 """The report as one page that needs nothing else: no network, no script."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -12,9 +13,11 @@ from markupsafe import Markup
 
 import calfsocket
 from calfsocket import drawing, writers
+from calfsocket.errors import InputError
 from calfsocket.report import method
 from calfsocket.report.answer import Line
-from calfsocket.report.figures import Drawn
+from calfsocket.report.calibration import HEADING, NoCalibration
+from calfsocket.report.drawn import Drawn
 from calfsocket.report.images import data_uri
 from calfsocket.report.results import Results
 from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, counts
@@ -45,7 +48,7 @@ CHAPTERS = (
         "A transverse section of a calf in plane strain, pressed by a socket that is smaller than "
         "the limb. In the Separate set every tissue has its own law; in the Combined set muscle "
         "and fascia share one.",
-        ("1", "2", "table1"),
+        ("1", "2", "table1", "3", "calibration"),
     ),
     Chapter(
         "stress",
@@ -88,6 +91,7 @@ def write_page(
     figures: Sequence[Drawn],
     tables: Sequence[Table],
     board: pd.DataFrame,
+    why_no_calibration: InputError | None = None,
 ) -> Path:
     """Write report.html into the results' folder; return its path.
 
@@ -101,9 +105,21 @@ def write_page(
         What the study has of them.
     board : DataFrame
         The scoreboard.
+    why_no_calibration : InputError, optional
+        Why the study has no figure 3: told in its place, and at the top where a calibration is
+        there that cannot be used.
     """
-    content: dict[str, Any] = {drawn.plan.number: _figure(drawn) for drawn in figures}
+    content: dict[str, Any] = {
+        drawn.heading.number: _figure(drawn, results.folder) for drawn in figures
+    }
     content |= {table.name: {"html": Markup(table.html()), "name": table.name} for table in tables}
+    warnings = method.warnings(results)
+    if why_no_calibration is not None:
+        missing = f"Figure 3 {why_no_calibration}."
+        if not isinstance(why_no_calibration, NoCalibration):
+            missing = f"The calibration, figure 3, is left out: {why_no_calibration}."
+            warnings.append(missing)
+        content[HEADING.number] = {"missing": missing}
     chapters = [
         {"about": chapter, "content": [content[key] for key in chapter.content if key in content]}
         for chapter in CHAPTERS
@@ -122,7 +138,7 @@ def write_page(
             f"{name} {drawing.SOCKET_NAMES.get(name, '')}".strip() for name in results.sockets
         ],
         summary=method.summary(results),
-        warnings=method.warnings(results),
+        warnings=warnings,
         answer=answer,
         chapters=[chapter for chapter in chapters if chapter["content"]],
         tally=counts(board),
@@ -148,14 +164,18 @@ def read_template(name: str) -> str:
     return (files("calfsocket.report") / "templates" / name).read_text(encoding="utf-8")
 
 
-def _figure(drawn: Drawn) -> dict[str, Any]:
+def _figure(drawn: Drawn, folder: Path) -> dict[str, Any]:
     uri, width, height = data_uri(drawn.png)
-    folder = drawn.png.parent.name
     return {
-        "plan": drawn.plan,
+        "heading": drawn.heading,
         "uri": Markup(uri),
         "width": width,
         "height": height,
-        "png": f"{folder}/{drawn.png.name}",
-        "pdf": f"{folder}/{drawn.pdf.name}",
+        "png": _link(drawn.png, folder),
+        "pdf": _link(drawn.pdf, folder),
     }
+
+
+def _link(file: Path, folder: Path) -> str:
+    """Path of a file from the page's folder."""
+    return Path(os.path.relpath(file, folder)).as_posix()

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from calfsocket.contact_line import ContactLine
 from calfsocket.errors import InputError
 from calfsocket.outcomes import CellOutcomes, Neighbours, cell_outcomes, neighbours
+from calfsocket.report.calibration import Calibration, read_calibration
 from calfsocket.section_fields import TISSUES, SectionFields
 from calfsocket.writers import FIELDS_FILE, read_fields
 
@@ -21,6 +22,8 @@ RUN_FILE = "run.json"
 SUMMARY_FILE = "summary.csv"
 STEPS_FILE = "steps.csv"
 CONTACT_FILE = "contact.csv"
+
+VARIANTS_FOLDER = "variants"
 
 MATERIAL_SETS = ("separate", "combined")
 
@@ -91,6 +94,19 @@ class Results:
             fields = _fields(self.folder / _name(key))
             self._solved[key] = SolvedCase(fields, contact_line(of_case(self.contact, key), fields))
         return self._solved[key]
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """The calibration in the study's folder; that of a variant is its study's.
+
+        Raises
+        ------
+        NoCalibration, InputError
+            When there is none, or it cannot be used.
+        """
+        folder = self.folder.resolve()
+        is_variant = folder.parent.name == VARIANTS_FOLDER
+        return read_calibration(folder.parents[1] if is_variant else self.folder)
 
     def complete(self, socket: str) -> bool:
         """Whether both material sets of a socket are solved."""

@@ -14,12 +14,11 @@ import pandas as pd
 from calfsocket.errors import InputError
 from calfsocket.report import names
 from calfsocket.report.damage import Thresholds
-from calfsocket.report.results import RUN_FILE, Results, read_results
+from calfsocket.report.results import RUN_FILE, VARIANTS_FOLDER, Results, read_results
 from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, counts, scoreboard
 from calfsocket.report.table import Table, number, spread
 from calfsocket.report.tables import TIMES
 
-FOLDER = "variants"
 BASE = "base"
 
 ROBUST = 1.1
@@ -49,7 +48,7 @@ def read_variants(folder: Path) -> Variants:
     InputError
         When the folder has no variants, or the base cannot be read.
     """
-    folder = Path(folder) / FOLDER
+    folder = Path(folder) / VARIANTS_FOLDER
     found = sorted(path.parent.name for path in folder.glob(f"*/{RUN_FILE}"))
     if BASE not in found:
         raise InputError(f"{folder}: holds no {BASE}; solve the study with --variants first")

@@ -4,6 +4,7 @@ Importing this package registers them all.
 """
 
 from calfsocket.report.claims import (  # noqa: F401
+    calibration,
     changes,
     contact,
     geometry,

@@ -27,6 +27,9 @@ ABOUT_POINTS = 15.0
 MOST = 0.9
 """A statement on all cells of a table holds when this share of them agrees."""
 
+FLAT = 0.5
+"""A plate's face is flat when this share of its width is, or more: the rest is rounded edges."""
+
 SEVERAL_HUNDRED_PCT = 200.0
 """Least relative change that is "several hundred percent"."""
 

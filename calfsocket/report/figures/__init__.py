@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from calfsocket.report.drawn import Drawn, Heading
 from calfsocket.report.figures import changes, geometry, maps, pressure
 from calfsocket.report.figures.style import save, type_set
 from calfsocket.report.results import Results
@@ -14,36 +14,19 @@ FOLDER = "figures"
 
 
 @dataclass(frozen=True)
-class Plan:
-    """A figure that a study may have.
+class Plan(Heading):
+    """A figure that a study may have; its files are called by its name.
 
     Attributes
     ----------
-    number, name
-        Its number, and the name of its files without ending.
-    title, caption
-        What it shows.
     draw
         Draws it.
     compares
         Whether it needs a socket that is solved with both material sets.
     """
 
-    number: str
-    name: str
-    title: str
-    caption: str
     draw: Callable[[Results], Figure]
     compares: bool = False
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A figure and its files."""
-
-    plan: Plan
-    png: Path
-    pdf: Path
 
 
 EQUATION_3 = (
@@ -131,7 +114,7 @@ PLANS = (
         pressure.contact_pressure,
     ),
 )
-"""In the paper's order. Its figure 3, the calibration of the combined material, is not made."""
+"""In the paper's order. Figure 3 is drawn by the calibration, which a report only shows."""
 
 
 def draw_figures(results: Results) -> list[Drawn]:

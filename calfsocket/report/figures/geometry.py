@@ -25,15 +25,6 @@ from calfsocket.report.figures.style import (
 from calfsocket.report.results import Results
 from calfsocket.section_fields import SectionFields
 
-# Told apart by hue, and by lightness for colour-blind eyes.
-TISSUE_COLOURS = {
-    "skin": "#c98d6b",
-    "fat": "#f8e9b0",
-    "fascia": "#6f7f8f",
-    "muscle": "#dc9a92",
-    "vessel": "#2a5d9c",
-    "bone": "#efede6",
-}
 LIMB = "#d9d9d9"
 BONE_DARK = "#8c8c8c"
 OVERLAP = "#d55e00"
@@ -53,7 +44,7 @@ def regions(results: Results) -> Figure:
     figure = new_figure(height)
     axes = add_axes(figure, 0, 0, size, height)
     drawing.frame(axes, window)
-    for tissue, colour in TISSUE_COLOURS.items():
+    for tissue, colour in drawing.TISSUE_COLOURS.items():
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
     names = _by_tissue(fields)
     drawing.draw_outlines(axes, fields, points, names, linewidth=0.4, zorder=3)
@@ -74,7 +65,7 @@ def regions(results: Results) -> Figure:
 def _by_tissue(fields: SectionFields) -> list[int]:
     """Region ids of the limb, tissue by tissue, in the order of their ids."""
     ids = [i for i in map(int, np.unique(fields.region)) if fields.region_tissues[i] != "socket"]
-    order = list(TISSUE_COLOURS)
+    order = list(drawing.TISSUE_COLOURS)
     return sorted(ids, key=lambda i: (order.index(fields.region_tissues[i]), i))
 
 
@@ -124,7 +115,9 @@ def _draw_names(figure: Figure, fields: SectionFields, ids: list[int], left: flo
         if fields.region_tissues[region] != tissue:
             tissue = fields.region_tissues[region]
             y -= 0.4 * step
-            swatch = Rectangle((0, y - 1.1), 4.0, 2.2, facecolor=TISSUE_COLOURS[tissue], **EDGE)
+            swatch = Rectangle(
+                (0, y - 1.1), 4.0, 2.2, facecolor=drawing.TISSUE_COLOURS[tissue], **EDGE
+            )
             axes.add_patch(swatch)
             axes.text(5.5, y, tissue, fontsize=7.5, weight="bold", va="center")
             y -= step

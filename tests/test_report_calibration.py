@@ -1,0 +1,241 @@
+"""The calibration in the report: its verdicts and table by hand, its place, and what is broken."""
+
+import json
+import logging
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from calfsocket.errors import InputError
+from calfsocket.report import calibration, writing
+from calfsocket.report.calibration import NoCalibration, read_calibration
+from calfsocket.report.results import read_results
+from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, scoreboard
+from report_calibration import FORCE, write_calibration
+from report_results import limb_study, write_results
+
+CLAIMS = ["C033", "C034", "C035", "C036"]
+ONE = limb_study((("TC", "separate"),))
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch) -> Path:
+    """A study of one case, whose own figures are not drawn."""
+    monkeypatch.setattr(writing, "draw_figures", lambda _: [])
+    return write_results(tmp_path / "study", ONE)
+
+
+def board(study: Path) -> pd.DataFrame:
+    return scoreboard(read_results(study)).set_index("id").loc[[*CLAIMS, "C037"]]
+
+
+def test_what_a_calibration_says_of_the_claims(study):
+    write_calibration(study / "calibration")
+    found = board(study)
+    assert found.verdict.tolist() == [HOLDS] * 4 + [UNCHECKED]
+    # Table 1's: 36/30 and 48/40 at most; fitted: 44/40; ignored: 5/10 to 10/40, 10/48, 10/44
+    assert "Table 1's combined law 1.00 to 1.20 times Separate's" in found.ours["C033"]
+    assert "(mu 11.0 kPa, alpha 9.00) 1.00 to 1.10" in found.ours["C033"]
+    assert "0.250 to 0.500 times Separate's" in found.ours["C034"]
+    assert "0.208 to 0.500 times Combined's" in found.ours["C034"]
+    assert "0.227 to 0.500 with the fitted one" in found.ours["C034"]
+    # sqrt((25 + 144 + 441 + 900)/4)/40, sqrt((36 + 64)/4)/40, sqrt(16/4)/40
+    assert "fascia ignored 48.6 %, Combined 12.5 % (Table 1), 5.00 % (fitted)" in found.ours["C035"]
+    assert "plate of 30.0 mm, flat over 20.0 mm, pressed 4.00 mm" in found.ours["C036"]
+    assert "Pavan" in found.why["C037"] and "docs/materials.md" in found.why["C037"]
+
+
+@pytest.mark.parametrize(
+    ("identifier", "changed", "why"),
+    [
+        ("C033", {"force": {"combined_table1": (10, 20, 30, 50.5)}}, "at 3 of 4 displacements"),
+        ("C033", {"force": {"combined_table1": (7.9, 20, 30, 40)}}, "at 3 of 4 displacements"),
+        ("C034", {"force": {"fascia_ignored": (10.0, 8, 9, 10)}}, "not at every displacement"),
+        ("C034", {"force": {"combined_fitted": (10, 20, 8.9, 40)}}, "not at every displacement"),
+        ("C034", {"force": {"combined_table1": (4.9, 20, 30, 40)}}, "not at every displacement"),
+        ("C035", {"force": {"combined_table1": (10, 20, 30, 80)}}, "Table 1's law is as far off"),
+        ("C035", {"force": {"combined_fitted": (10, 20, 30, 80)}}, "even the fitted law"),
+        ("C036", {"inputs": {"plate": {"width": 30, "edge_radius": 7.6, "thickness": 8}}},
+         "wider than its face"),
+    ],
+)  # fmt: skip
+def test_verdicts_follow_the_curves(study, identifier, changed, why):
+    write_calibration(study / "calibration", **changed)
+    row = board(study).loc[identifier]
+    assert row.verdict == FAILS
+    assert why in row.why
+
+
+def test_a_fitted_law_far_from_the_curve_does_not_decide_on_the_papers(study):
+    write_calibration(study / "calibration", force={"combined_fitted": (99, 99, 99, 99)})
+    assert board(study).verdict["C033"] == HOLDS
+
+
+def test_the_table(tmp_path):
+    found = read_calibration(write_calibration(tmp_path / "calibration").parent)
+    laws = found.inputs.laws
+    table = calibration.table(found, laws)
+    fitted = table.shown.loc["Combined, fitted"].str.replace("\N{NO-BREAK SPACE}", " ")
+    assert fitted.tolist() == [
+        "11.0 ± 2 %", "9.00 ± 15 %", "1.83", "5.00", "44.0"
+    ]  # fmt: skip
+    assert table.shown.loc["Combined, Table 1"].tolist() == ["12.0", "14.0", "1.67", "12.5", "48.0"]
+    assert table.shown.loc["fascia ignored"].tolist() == ["1.91", "4.60", "10.5", "48.6", "10.0"]
+    assert table.shown.loc["Separate"].tolist() == ["", "", "", "0", "40.0"]
+    assert table.notes == ()
+
+
+def test_the_table_says_what_the_fit_is_worth(tmp_path):
+    folder = write_calibration(
+        tmp_path / "calibration",
+        fit={"alpha": 0.5, "alpha_at_limit": True, "relative_covariance": [[0, 0], [0, 4.0]]},
+    )
+    path = folder / "calibration.json"
+    content = json.loads(path.read_text())
+    content["curves"]["separate"]["negative_modes"] = [0, 0, 1, 0]
+    path.write_text(json.dumps(content))
+    found = read_calibration(tmp_path)
+    laws = found.inputs.laws | {"fascia": {"law": "yeoh", "c10": 0.491}}
+    table = calibration.table(found, laws)
+    assert table.shown["alpha"]["Combined, fitted"] == "0.500 (not determined)"
+    limit, unstable, others = table.notes
+    assert "alpha ended at an end of its range (0.500)" in limit
+    assert unstable == "Unstable at some displacement: Separate."
+    assert others == "Calibrated with other laws than this study's: fascia."
+
+
+def test_figure_3_stands_in_its_place(study):
+    write_calibration(study / "calibration")
+    page = writing.write_report(study).read_text()
+    model = page[page.index('<section id="model">') : page.index('<section id="stress">')]
+    names = ("table1", "figure3_calibration", "calibration")
+    order = [model.index(f'id="{name}"') for name in names]
+    assert order == sorted(order)
+    assert "Figure 3: Calibration of the combined material." in model
+    assert model.count("data:image/webp;base64,") == 1
+    links = re.findall(r'href="([^#"]+)"', model)
+    assert "calibration/figure3.png" in links and "calibration/figure3.pdf" in links
+    for name in links:
+        assert (study / name).is_file(), name
+    assert "Read with care" not in page
+
+
+def test_without_a_calibration_the_page_says_how_to_get_one(study, caplog):
+    page = writing.write_report(study).read_text()
+    how = "python3 -m calfsocket calibrate --out FOLDER/calibration"
+    assert re.search(rf'<p class="note">Figure 3 needs [^<]*{how}', page)
+    assert "Read with care" not in page
+    assert caplog.records == []
+    found = board(study)
+    assert (found.verdict == UNCHECKED).all()
+    for identifier in CLAIMS:
+        assert how in found.why[identifier]
+    with pytest.raises(NoCalibration):
+        read_calibration(study)
+
+
+def test_a_variant_has_the_calibration_of_its_study(tmp_path, monkeypatch):
+    monkeypatch.setattr(writing, "draw_figures", lambda _: [])
+    for name in ("base", "frictionless"):
+        write_results(tmp_path / "variants" / name, ONE)
+    write_calibration(tmp_path / "calibration")
+    for folder in (tmp_path, tmp_path / "variants" / "frictionless"):
+        page = writing.write_report(folder)
+        assert 'href="../../calibration/figure3.pdf"' in page.read_text()
+        assert (page.parent / "../../calibration/figure3.pdf").is_file()
+
+
+def broken_json(folder: Path) -> None:
+    (folder / "calibration.json").write_text('{"program": ')
+
+
+def foreign(folder: Path) -> None:
+    (folder / "calibration.json").write_text('{"program": "another"}')
+
+
+def no_fit(folder: Path) -> None:
+    content = json.loads((folder / "calibration.json").read_text())
+    (folder / "calibration.json").write_text(json.dumps(content | {"fits": []}))
+
+
+def covariance(folder: Path, rows: list[list[float]]) -> None:
+    content = json.loads((folder / "calibration.json").read_text())
+    content["fits"][0]["relative_covariance"] = rows
+    (folder / "calibration.json").write_text(json.dumps(content))
+
+
+def odd_covariance(folder: Path) -> None:
+    covariance(folder, [[1.0], [0.0, 1.0]])
+
+
+def negative_variance(folder: Path) -> None:
+    covariance(folder, [[1.0, 0.0], [0.0, -1.0]])
+
+
+def no_curve(folder: Path) -> None:
+    curves = pd.read_csv(folder / "curves.csv")
+    curves.drop(columns="separate_N_per_m").to_csv(folder / "curves.csv", index=False)
+
+
+def hole_in_a_curve(folder: Path) -> None:
+    text = (folder / "curves.csv").read_text()
+    (folder / "curves.csv").write_text(text.replace("36.0", ""))
+
+
+def no_points(folder: Path) -> None:
+    text = (folder / "curves.csv").read_text()
+    (folder / "curves.csv").write_text(text.splitlines()[0] + "\n")
+
+
+def half_a_picture(folder: Path) -> None:
+    (folder / "figure3.png").write_bytes((folder / "figure3.png").read_bytes()[:40])
+
+
+def no_pdf(folder: Path) -> None:
+    (folder / "figure3.pdf").unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (broken_json, ["calibration.json", "Expecting value"]),
+        (foreign, ["calibration.json", "program", "'calfsocket calibrate'"]),
+        (no_fit, ["calibration.json", "fits"]),
+        (odd_covariance, ["calibration.json", "relative_covariance", "square"]),
+        (negative_variance, ["calibration.json", "relative_covariance", "negative"]),
+        (no_curve, ["curves.csv", "no column 'separate_N_per_m'"]),
+        (hole_in_a_curve, ["curves.csv", "'combined_table1_N_per_m'", "above 0"]),
+        (no_points, ["curves.csv", "above 0"]),
+        (half_a_picture, ["figure3.png", "cannot be read"]),
+        (no_pdf, ["figure3.pdf", "missing"]),
+    ],
+)
+def test_a_broken_calibration_gets_one_line(spoil, says, tmp_path):
+    spoil(write_calibration(tmp_path / "calibration"))
+    with pytest.raises(InputError) as error:
+        read_calibration(tmp_path)
+    assert not isinstance(error.value, NoCalibration)
+    assert "\n" not in str(error.value)
+    for word in says:
+        assert word in str(error.value)
+
+
+def test_the_report_is_made_without_a_broken_calibration(study, caplog):
+    broken_json(write_calibration(study / "calibration"))
+    with caplog.at_level(logging.WARNING):
+        page = writing.write_report(study).read_text()
+    (record,) = caplog.records
+    assert record.getMessage().startswith("the calibration is left out: ")
+    assert page.count("The calibration, figure 3, is left out: ") == 2  # at the top and in place
+    assert "Read with care" in page
+    assert 'id="figure3_calibration"' not in page
+    assert not (study / "tables" / "calibration.csv").exists()
+    for identifier in CLAIMS:
+        row = board(study).loc[identifier]
+        assert row.verdict == UNCHECKED and "calibration.json" in row.why
+
+
+def test_the_hand_made_curves_have_the_names_of_the_files():
+    assert set(FORCE) == set(calibration.LABELS)
