@@ -80,7 +80,7 @@ def _parser(name: str, command: Command) -> _Parser:
             prog=f"{PROGRAM} {name}", description=command.DESCRIPTION, epilog=command.EPILOG
         )
     else:
-        listed = "\n".join(f"  {each:9s} {COMMANDS[each].HELP}" for each in COMMANDS)
+        listed = "\n".join(f"  {each:10s} {COMMANDS[each].HELP}" for each in COMMANDS)
         parser = _Parser(
             prog=PROGRAM,
             usage=f"{PROGRAM} [options]   or   {PROGRAM} COMMAND [options]",

@@ -11,7 +11,7 @@ from calfsocket.report import comparison, names, published
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import Thresholds, damage
 from calfsocket.report.results import Results
-from calfsocket.report.scoreboard import FAILS, HOLDS, UNCHECKED, counts
+from calfsocket.report.scoreboard import PLURAL, counts
 from calfsocket.report.table import change, number
 
 SECTORS = (
@@ -186,8 +186,7 @@ def _trust(results: Results, board: pd.DataFrame) -> Line:
     else:
         text = "Every result is a stable equilibrium (no negative modes)."
     tally = counts(board)
-    words = {HOLDS: "hold", FAILS: "do not hold", UNCHECKED: "cannot be checked"}
-    claims = _and(f"{tally[verdict]} {word}" for verdict, word in words.items())
+    claims = _and(f"{tally[verdict]} {does}" for verdict, does in PLURAL.items())
     text += f" Of the paper's {len(board)} claims {claims}."
     ratio = comparison.maxima(results).ratio
     if ratio.notna().any():

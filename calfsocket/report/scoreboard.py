@@ -15,6 +15,8 @@ from calfsocket.report.table import Table
 
 HOLDS, FAILS, UNCHECKED = "holds", "does not hold", "cannot be checked"
 VERDICTS = (HOLDS, FAILS, UNCHECKED)
+PLURAL = {HOLDS: "hold", FAILS: "do not hold", UNCHECKED: "cannot be checked"}
+"""What claims of a verdict do."""
 
 
 def scoreboard(results: Results, thresholds: Thresholds | None = None) -> pd.DataFrame:
@@ -54,7 +56,7 @@ def table(board: pd.DataFrame) -> Table:
     paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
     shown = board.assign(paper=paper).set_index("id")
     shown = shown[["claim", "verdict", "ours", "paper", "why"]]
-    tally = ", ".join(f"{n} {verdict}" for verdict, n in counts(board).items())
+    tally = ", ".join(f"{n} {PLURAL[verdict]}" for verdict, n in counts(board).items())
     return Table(
         "scoreboard",
         "Scoreboard",
