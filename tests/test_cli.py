@@ -58,7 +58,7 @@ def test_every_command_is_listed_and_has_a_help_of_its_own(name, capsys):
     with pytest.raises(SystemExit) as end:
         cli.main(["--help"])
     assert end.value.code == 0
-    assert f"  {name:9s} {cli.COMMANDS[name].HELP}\n" in capsys.readouterr().out
+    assert f"  {name:10s} {cli.COMMANDS[name].HELP}\n" in capsys.readouterr().out
     with pytest.raises(SystemExit) as end:
         cli.main([name, "--help"])
     assert end.value.code == 0
