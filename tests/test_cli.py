@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from calfsocket import cli
+from calfsocket import cli, study
+from calfsocket.calibration import run as calibration
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -92,6 +93,8 @@ def test_what_study_and_calibration_share_is_refused_by_both(
     command, words, says, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(study, "run_study", lambda *_: pytest.fail("solved"))
+    monkeypatch.setattr(calibration, "calibrate", lambda *_, **__: pytest.fail("solved"))
     assert cli.main([*command, *words]) == 2
     output, errors = capsys.readouterr()
     (line,) = errors.splitlines()
