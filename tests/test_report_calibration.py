@@ -190,7 +190,12 @@ def no_points(folder: Path) -> None:
 
 
 def half_a_picture(folder: Path) -> None:
-    (folder / "figure3.png").write_bytes((folder / "figure3.png").read_bytes()[:40])
+    content = (folder / "figure3.png").read_bytes()
+    (folder / "figure3.png").write_bytes(content[: len(content) // 2])
+
+
+def no_picture(folder: Path) -> None:
+    (folder / "figure3.png").write_text("no picture")
 
 
 def no_pdf(folder: Path) -> None:
@@ -209,6 +214,7 @@ def no_pdf(folder: Path) -> None:
         (hole_in_a_curve, ["curves.csv", "'combined_table1_N_per_m'", "above 0"]),
         (no_points, ["curves.csv", "above 0"]),
         (half_a_picture, ["figure3.png", "cannot be read"]),
+        (no_picture, ["figure3.png", "cannot be read"]),
         (no_pdf, ["figure3.pdf", "missing"]),
     ],
 )
