@@ -188,7 +188,7 @@ def _read_curves(path: Path) -> pd.DataFrame:
 def _check_figure(figure: Drawn) -> None:
     try:
         with Image.open(figure.png) as image:
-            image.verify()
+            image.load()
     except (OSError, SyntaxError) as error:
         raise InputError(f"{figure.png}: cannot be read ({error}); calibrate again") from None
     if not figure.pdf.is_file():
