@@ -7,10 +7,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator
 
 from calfsocket.errors import InputError
-from calfsocket.meshes.plate import Plate
 from calfsocket.meshes.schema import read_json
 from calfsocket.report.drawn import Drawn, Heading
 from calfsocket.report.table import Table, number
@@ -76,6 +75,13 @@ class FittedLaw(CombinedLaw):
     def deviation_pct(self) -> NDArray[np.float64]:
         """Standard deviation of each parameter, % of it."""
         return 100 * np.sqrt(np.diag(self.relative_covariance))
+
+
+class Plate(_Content):
+    """Width over all, and radius of the edges towards the skin, mm."""
+
+    width: PositiveFloat
+    edge_radius: PositiveFloat
 
 
 class Inputs(_Content):
