@@ -62,7 +62,7 @@ def test_hertz_on_a_fine_mesh(line):
 
 @pytest.mark.slow
 def test_cattaneo_and_mindlin():
-    pulled = press_and_pull(PARTIAL_SLIP, SHARE, STEPS)
+    pulled = press_and_pull(replace(PARTIAL_SLIP, divisions=16.0), SHARE, STEPS)
     assert abs(pulled.stick_error) < 0.02
-    assert abs(pulled.stick_points_error) < 0.036  # two points, each 1.8 %
+    assert abs(pulled.stick_points_error) < 0.03  # it counts points, and jumps
     assert pulled.shear_error < 0.02
