@@ -20,31 +20,25 @@ def _rise(e: Evidence, socket: str, outcome: str = PEAK) -> float:
     return relative_change(*(e.value(socket, name, "skin", outcome) for name in MATERIAL_SETS))
 
 
-def _differ(values: dict[tuple[str, str], float]) -> list[str]:
-    """Pairs of runs of one set or one socket whose values are alike."""
+def _differ(what: str, unit: str, paper: str, values: dict[tuple[str, str], float]) -> Finding:
+    """Find that values differ between any two runs of one set or of one socket."""
     if len(values) < 2:
         raise NotChecked("needs two runs to compare")
-    return [
+    alike = [
         f"{'_'.join(a)} and {'_'.join(b)}"
         for a, b in combinations(values, 2)
         if (a[0] == b[0]) != (a[1] == b[1])
         and abs(relative_change(values[a], values[b])) <= DIFFERS_PCT
     ]
+    runs = ", ".join(f"{s} {names.SETS[m]} {number(v)}" for (s, m), v in values.items())
+    return Finding(not alike, f"{what} {runs} {unit}", paper, f"alike: {', '.join(alike)}")
 
 
 @claim("C005")
 def pressure_differs(e: Evidence) -> Finding:
     """Check that contact pressure differs between sets and sockets."""
     means = {key: e.value(*key, "skin", MEAN) for key in e.results.cases}
-    alike = _differ(means)
-    return Finding(
-        not alike,
-        "mean "
-        + ", ".join(f"{s} {names.SETS[m]} {number(v)}" for (s, m), v in means.items())
-        + " kPa",
-        "differs",
-        f"alike: {', '.join(alike)}",
-    )
+    return _differ("mean", "kPa", "differs", means)
 
 
 @claim("C105")
@@ -52,15 +46,7 @@ def force_differs(e: Evidence) -> Finding:
     """Check that contact forces differ between sets and sockets."""
     cases = e.results.run["cases"]
     forces = {key: cases["_".join(key)]["pressing_force_N_per_mm"] for key in e.results.cases}
-    alike = _differ(forces)
-    return Finding(
-        not alike,
-        "pressing force "
-        + ", ".join(f"{s} {names.SETS[m]} {number(v)}" for (s, m), v in forces.items())
-        + " N/mm",
-        "differ (no force is printed)",
-        f"alike: {', '.join(alike)}",
-    )
+    return _differ("pressing force", "N/mm", "differ (no force is printed)", forces)
 
 
 @claim("C071")
