@@ -16,7 +16,7 @@ from calfsocket.meshes.data import Limb, Socket
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.model import Model, SocketSupport
-from calfsocket.stepping import LoadStep, StepControl, Stepper
+from calfsocket.stepping import LoadStep, Milestone, StepControl, Stepper
 from calfsocket.tissues import FasciaC10, MaterialSet, material_set
 
 GAP_TOLERANCE = 1e-2
@@ -116,7 +116,7 @@ class Run:
         What to solve.
     limb, socket
         Geometry.
-    on_iteration, on_step : callable, optional
+    on_iteration, on_step, on_milestone : callable, optional
         As of `stepping.Stepper`.
 
     Attributes
@@ -136,6 +136,7 @@ class Run:
         socket: Socket,
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
+        on_milestone: Callable[[Milestone], None] | None = None,
     ) -> None:
         self.case = case
         self.seconds: dict[str, float] = {}
@@ -151,13 +152,18 @@ class Run:
                 settings.contact,
                 settings.socket_support,
             )
-            self.stepper = Stepper(self.model, step_control(case, settings), on_iteration, on_step)
+            self.stepper = Stepper(
+                self.model, step_control(case, settings), on_iteration, on_step, on_milestone
+            )
 
-    def solve(self) -> None:
-        """Raise the load to 1, or as far as it goes (collective); see `failure`."""
+    def solve(self, start: Milestone | None = None) -> None:
+        """Raise the load to 1, or as far as it goes (collective); see `failure`.
+
+        An earlier run may have come to the milestone `start` already.
+        """
         with self.phase("solve"):
             try:
-                self.stepper.run()
+                self.stepper.run(start)
             except SolveError as error:
                 self.failure = str(error)
 

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 import calfsocket
 from calfsocket.commands import (
     BAD_INPUT,
+    CASE_FAILED,
     Command,
     NamedCommand,
     calibrate,
@@ -24,6 +25,7 @@ from calfsocket.commands import (
     verify,
     warm,
 )
+from calfsocket.ending import all_are_here, end_all, exit_code, heed_termination
 from calfsocket.errors import CalfsocketError, InputError
 
 PROGRAM = "python3 -m calfsocket"
@@ -101,21 +103,26 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
+    gathering = MPI.Intracomm(comm.Dup())
+    heed_termination()
     try:
         return command.run(comm, arguments)
     except InputError as error:
-        return _refuse(error, first=comm.rank == 0)
-    except BaseException as error:
+        if all_are_here(gathering):
+            return _refuse(error, first=comm.rank == 0)
+        message, code = f"calfsocket: {error}", BAD_INPUT
+    except CalfsocketError as error:
+        message, code = f"calfsocket: {error}", CASE_FAILED
+    except KeyboardInterrupt as interrupt:
+        message, code = f"calfsocket: {interrupt or 'interrupted'}", exit_code(interrupt)
+    except BaseException:
         if comm.size == 1:
             raise
-        # The other ranks may wait for this one: end them all, with this one message.
-        if isinstance(error, CalfsocketError):
-            print(f"calfsocket: {error}", file=sys.stderr, flush=True)
-        else:
-            traceback.print_exc()
-            sys.stderr.flush()
-        comm.Abort(1)
-        raise
+        message, code = traceback.format_exc(), CASE_FAILED
+    if comm.size > 1:
+        end_all(comm, message, code)
+    print(message, file=sys.stderr)
+    return code
 
 
 def _refuse(error: InputError, first: bool) -> int:

@@ -11,3 +11,17 @@ class InputError(CalfsocketError, ValueError):
 
 class SolveError(CalfsocketError, RuntimeError):
     """An equilibrium was not found."""
+
+
+class WriteError(CalfsocketError, OSError):
+    """A file cannot be written: the disk is full, say; what stood there before is whole."""
+
+
+def in_one_line(error: BaseException) -> str:
+    """Say in one line what happened; errors that nobody foresaw with their kind."""
+    text = " ".join(str(error).split())
+    if isinstance(error, MemoryError):
+        return f"out of memory{text and ': '}{text}; use a coarser mesh or fewer ranks at a time"
+    if isinstance(error, CalfsocketError):
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__

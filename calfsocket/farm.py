@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from calfsocket.ending import PATIENCE_S
+
 _REPORT = 71
 
 
@@ -51,6 +53,7 @@ class Farm:
             self.n_groups = max(comm.size // ranks_per_case, 1)
             colour = min(comm.rank // ranks_per_case, self.n_groups - 1)
         self.group = MPI.Intracomm(comm.Split(colour, comm.rank))
+        self._agreement = MPI.Intracomm(self.group.Dup())  # apart from what a case may leave behind
         # One counter on rank 0, which groups raise without rank 0 taking part.
         size = np.dtype(np.int64).itemsize if comm.rank == 0 else 0
         self._counter = MPI.Win.Allocate(size, disp_unit=8, comm=comm)
@@ -69,6 +72,33 @@ class Farm:
             self._counter.Unlock(0)
         case = self.group.bcast(int(taken[0]), root=0)
         return case if case < self._n_cases else None
+
+    def agree(self, failure: str) -> str:
+        """Agree on how a case ended (every rank of the group, once a case).
+
+        Parameters
+        ----------
+        failure
+            Why this rank could not go on; empty where the case went well.
+
+        Returns
+        -------
+        str
+            The first rank's failure of those that have one, the same on all ranks.
+
+        Raises
+        ------
+        TimeoutError
+            On a rank with a failure, when another is still busy with the case, or waits in it for
+            this one, after `PATIENCE_S`.
+        """
+        everyone = self._agreement.Ibarrier()
+        start = time.monotonic()
+        while not everyone.Test():
+            if failure and time.monotonic() - start > PATIENCE_S:
+                raise TimeoutError(failure)
+            time.sleep(0.005)
+        return next(filter(None, self._agreement.allgather(failure)), "")
 
     def report(self, message: Any) -> None:
         """Tell rank 0 of all, from any rank; a group's other ranks say nothing."""
@@ -95,6 +125,7 @@ class Farm:
         if self._comm.rank == 0:
             self.collect()
         self._counter.Free()
+        self._agreement.Free()
         self.group.Free()
 
     def _deliver(self, message: Any) -> None:

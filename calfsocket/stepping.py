@@ -4,6 +4,10 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+from petsc4py import PETSc
 
 from calfsocket.errors import SolveError
 from calfsocket.model import Model
@@ -64,6 +68,33 @@ class LoadStep:
     seconds: float
 
 
+@dataclass(frozen=True)
+class Milestone:
+    """All that a run needs to go on from its last equilibrium as if it had never stopped.
+
+    Attributes
+    ----------
+    load, load_before : float
+        Loads of the last equilibrium and of the one before it.
+    next_step : float
+        Size that the next step may have.
+    unknowns, unknowns_before : PETSc.Vec
+        The two equilibria.
+    converged_arc : (n,)
+        Slip history of the last one: `ContactInterface.converged_arc` that it was found with.
+    steps : tuple of LoadStep
+        Steps so far.
+    """
+
+    load: float
+    load_before: float
+    next_step: float
+    unknowns: PETSc.Vec
+    unknowns_before: PETSc.Vec
+    converged_arc: NDArray[Any]
+    steps: tuple[LoadStep, ...] = ()
+
+
 class Stepper:
     """Bring a model from load 0 to load 1.
 
@@ -77,6 +108,8 @@ class Stepper:
         Called with load, iteration and residual norm (N/mm), on every rank.
     on_step : callable, optional
         Called with each `LoadStep`, converged or not, on every rank.
+    on_milestone : callable, optional
+        Called with each `Milestone` on every rank; its vectors change when the run goes on.
     """
 
     def __init__(
@@ -85,16 +118,23 @@ class Stepper:
         control: StepControl,
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
+        on_milestone: Callable[[Milestone], None] | None = None,
     ) -> None:
         self.model = model
         self.control = control
         self.steps: list[LoadStep] = []
         self._on_iteration = on_iteration
         self._on_step = on_step
+        self._on_milestone = on_milestone
         self.solver = Solver(model, self._monitor)
 
-    def run(self) -> None:
+    def run(self, start: Milestone | None = None) -> None:
         """Raise the load to 1 (collective).
+
+        Parameters
+        ----------
+        start : Milestone, optional
+            Where an earlier run of the same model had come to; load 0 without.
 
         Raises
         ------
@@ -102,9 +142,14 @@ class Stepper:
             When a step fails at the smallest size. The model then holds the last converged state.
         """
         control, contact, x = self.control, self.model.contact, self.solver.x
-        load, accepted, step = 0.0, 0.0, control.first
-        converged = x.copy()
-        before, load_before = converged.copy(), 0.0
+        start = start or Milestone(0.0, 0.0, control.first, x, x, contact.converged_arc)
+        load, load_before, step = start.load, start.load_before, start.next_step
+        converged, before = start.unknowns.copy(), start.unknowns_before.copy()
+        converged.copy(x)
+        self.model.set_unknowns(x)
+        contact.load, contact.converged_arc = load, start.converged_arc
+        self.steps = list(start.steps)
+        accepted = 0.0
         while load < 1.0:
             # Even steps to the end rather than a tiny last one.
             remaining = math.ceil((1.0 - load) / step - 1e-9)
@@ -125,6 +170,17 @@ class Stepper:
                 load_before, load = load, target
                 if result.iterations <= control.few_iterations:
                     step = min(control.growth * step, control.largest)
+                self._mark(
+                    Milestone(
+                        load,
+                        load_before,
+                        step,
+                        converged,
+                        before,
+                        contact.converged_arc,
+                        tuple(self.steps),
+                    )
+                )
                 continue
             if not math.isfinite(x.norm()):
                 converged.copy(x)
@@ -141,12 +197,20 @@ class Stepper:
     def _take(self, target: float) -> NewtonResult:
         start = time.perf_counter()
         self.model.contact.load = target
-        result = self.solver.solve()
+        try:
+            result = self.solver.solve()
+        except PETSc.Error as error:
+            # What Python raised in a callback, Ctrl-C among it, arrives wrapped in PETSc's.
+            raise error.__cause__ or error from None
         step = LoadStep(len(self.steps) + 1, target, result, time.perf_counter() - start)
         self.steps.append(step)
         if self._on_step is not None:
             self._on_step(step)
         return result
+
+    def _mark(self, milestone: Milestone) -> None:
+        if self._on_milestone is not None:
+            self._on_milestone(milestone)
 
     def _monitor(self, iteration: int, residual: float) -> None:
         if self._on_iteration is not None:

@@ -4,7 +4,8 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Iterator, Sequence
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,22 +16,24 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from rich.console import Console
 
-from calfsocket import compilation, outcomes, picture, writers
+from calfsocket import compilation, outcomes, picture, resume, writers
 from calfsocket.case import Case, Run, Settings, case_laws, region_tissues
+from calfsocket.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
 from calfsocket.contact_line import ContactLine
-from calfsocket.errors import CalfsocketError, InputError
+from calfsocket.errors import CalfsocketError, InputError, in_one_line
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.laws import ogden_terms
 from calfsocket.meshes.data import Limb, Sockets
 from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
-from calfsocket.stepping import LoadStep
+from calfsocket.stepping import LoadStep, Milestone
 from calfsocket.tissues import MATERIAL_SETS
 from calfsocket.versions import versions
 
 KEY = ("socket", "material_set")
 RUN_FILE = "run.json"
+CASES_FILE = "cases.csv"
 TABLES = ("summary.csv", "contact.csv", "steps.csv")
 
 log = logging.getLogger(__name__)
@@ -75,41 +78,63 @@ def run_study(
     study: Study,
     ranks_per_case: int | None = None,
     console: Console | None = None,
+    go_on: bool = False,
 ) -> bool:
     """Solve every case and write its results (collective).
 
     Cases run side by side on groups of ranks. A case that fails does not stop the others: its last
     converged state is written, and run.json says why.
 
+    Parameters
+    ----------
+    comm, study, ranks_per_case
+        What is solved by whom.
+    console
+        Where progress is shown; standard error by default.
+    go_on
+        Keep the cases that an earlier run into the same folder has finished, and go on with those
+        that it had begun from their last equilibrium.
+
     Returns
     -------
     bool
         Whether every case reached the full load.
+
+    Raises
+    ------
+    InputError
+        When the earlier run cannot be gone on with.
+    WriteError
+        When run.json cannot be written.
     """
-    ledger = Ledger(study, comm.size) if comm.rank == 0 else None
-    names = [case.name for case in study.cases]
-    reporter = Reporter(names, console or Console(stderr=True)) if ledger else None
+    ledger, refusal = None, None
+    if comm.rank == 0:
+        try:
+            ledger = Ledger(study, comm.size, go_on)
+        except CalfsocketError as error:
+            refusal = error
+    refusal, cases = comm.bcast((refusal, ledger.to_solve if ledger else []), root=0)
+    if refusal is not None:
+        raise refusal
+    if cases:
+        console = console or Console(stderr=True)
+        reporter = Reporter([case.name for case in cases], console) if ledger else None
 
-    def on_report(message: Event | dict[str, Any]) -> None:
-        assert ledger is not None and reporter is not None
-        if isinstance(message, Event):
-            reporter.show(message)
-        else:
-            ledger.record(message)
+        def on_report(message: Event | dict[str, Any]) -> None:
+            assert ledger is not None and reporter is not None
+            if isinstance(message, Event):
+                reporter.show(message)
+            else:
+                ledger.record(message)
 
-    with reporter or nullcontext():
-        laws = [case_laws(case, study.settings).values() for case in study.cases]
-        compilation.warm(comm, map(ogden_terms, laws))
-        farm = Farm(comm, len(study.cases), ranks_per_case, on_report)
-        while (number := farm.next_case()) is not None:
-            case = study.cases[number]
-            try:
-                entry = _run_case(farm, study, case)
-            except CalfsocketError as error:  # raised by all ranks of the group
-                farm.report(Event(case.name, str(error), 0.0, milestone=True))
-                entry = {"status": "failed", "message": str(error)}
-            farm.report({"name": case.name, **entry})
-        farm.finish()
+        with reporter or nullcontext():
+            laws = [case_laws(case, study.settings).values() for case in cases]
+            compilation.warm(comm, map(ogden_terms, laws))
+            farm = Farm(comm, len(cases), ranks_per_case, on_report)
+            while (number := farm.next_case()) is not None:
+                entry = _try_case(farm, study, cases[number], go_on)
+                farm.report({"name": cases[number].name, **entry})
+            farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
 
 
@@ -127,7 +152,7 @@ def check_folder(study: Study, overwrite: bool) -> None:
         if not path.exists():
             return
         if overwrite:
-            for name in (*TABLES, RUN_FILE):
+            for name in (*TABLES, CASES_FILE, RUN_FILE):
                 (study.out / name).unlink(missing_ok=True)
             return
         before = json.loads(path.read_text(encoding="utf-8"))["inputs"]
@@ -146,18 +171,35 @@ def check_folder(study: Study, overwrite: bool) -> None:
 
 
 class Ledger:
-    """The run.json of a study, kept up to date by rank 0."""
+    """The run.json and cases.csv of a study, kept up to date by rank 0.
 
-    def __init__(self, study: Study, ranks: int) -> None:
-        self._path = study.out / RUN_FILE
+    Parameters
+    ----------
+    study, ranks
+        What is solved, and by how many ranks.
+    go_on
+        Whether cases that an earlier run has finished are kept.
+
+    Attributes
+    ----------
+    to_solve : list of Case
+        The study's cases apart from those that are kept.
+    """
+
+    def __init__(self, study: Study, ranks: int, go_on: bool = False) -> None:
+        self._out = study.out
         self._start = time.perf_counter()
-        earlier = {}
-        if self._path.exists():
-            earlier = json.loads(self._path.read_text(encoding="utf-8"))["cases"]
         self._asked = [case.name for case in study.cases]
+        conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
+        for folder in (study.out, *(study.out / name for name in self._asked)):
+            writers.remove_unfinished(folder)
+        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})
+        self.to_solve = [
+            case for case in study.cases if not (go_on and _is_kept(study, case, earlier))
+        ]
         self._content = {
             "program": "calfsocket",
-            "versions": versions(),
+            **conditions,
             "ranks": ranks,
             "inputs": study.inputs(),
             "laws": {
@@ -169,37 +211,124 @@ class Ledger:
             },
             "limb": study.limb.model_dump(mode="json"),
             "sockets": study.sockets.model_dump(mode="json"),
-            "petsc_options": PETSc.Options().getAll(),
             "finished": False,
             "seconds": 0.0,
-            "cases": {name: entry for name, entry in earlier.items() if name not in self._asked}
-            | {name: {"status": "running"} for name in self._asked},
+            "cases": earlier | {case.name: {"status": "running"} for case in self.to_solve},
         }
         self._write()
 
     def record(self, entry: dict[str, Any]) -> None:
-        """Put in how a case ended."""
-        self._content["cases"][entry.pop("name")] = entry
-        self._write()
+        """Put in how a case ended; a full disk now need not stop the cases that run."""
+        name = entry.pop("name")
+        self._content["cases"][name] = entry
+        try:
+            self._write()
+        except OSError as error:
+            log.warning("%s", error)
+        else:
+            if entry["status"] == "solved":
+                # Its files hold all there is to know; one that failed may be gone on with.
+                (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
     def close(self) -> bool:
-        """Mark the study as finished; tell whether every case asked for was solved."""
+        """Mark the study as finished; tell whether every case asked for was solved.
+
+        Raises
+        ------
+        WriteError
+            When that cannot be written.
+        """
         self._content["finished"] = True
         self._write()
-        return all(self._content["cases"][name]["status"] == "solved" for name in self._asked)
+        entries = {name: self._content["cases"][name] for name in self._asked}
+        failed = {name: each for name, each in entries.items() if each["status"] != "solved"}
+        if failed:
+            log.warning("%d of %d cases failed:", len(failed), len(entries))
+        for name, entry in failed.items():
+            log.warning("%s: %s", name, entry["message"])
+        return not failed
 
     def _write(self) -> None:
         self._content["seconds"] = time.perf_counter() - self._start
-        writers.write_json(self._path, self._content)
+        writers.write_json(self._out / RUN_FILE, self._content)
+        with writers.replacing(self._out / CASES_FILE) as temporary:
+            _cases_table(self._content["cases"]).to_csv(temporary, index=False)
 
 
-def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
+def _is_kept(study: Study, case: Case, earlier: Mapping[str, Any]) -> bool:
+    if case.name not in earlier:
+        return False
+    why = resume.whole(earlier[case.name], _digests(study, case))
+    log.info("%s: %s", case.name, why or "solved already")
+    return not why
+
+
+def _digests(study: Study, case: Case) -> dict[str, str | None]:
+    return resume.digests(study.out, case.name, dict(zip(KEY, case.key, strict=True)), TABLES)
+
+
+def _cases_table(entries: Mapping[str, Any]) -> pd.DataFrame:
+    """Rows of cases.csv: how each case ended, and why."""
+    return pd.DataFrame(
+        [
+            {
+                "case": name,
+                "status": entry["status"],
+                "load": entry.get("load", ""),
+                "message": entry.get("message", ""),
+                "warnings": "; ".join(entry.get("warnings", [])),
+            }
+            for name, entry in entries.items()
+        ]
+    )
+
+
+def _try_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, Any]:
+    """Solve a case; where it cannot be, and all ranks of the group know, say why.
+
+    Raises
+    ------
+    Exception
+        On a rank that cannot go on while the others wait for it in vain.
+    """
+    entry: dict[str, Any] = {}
+    failure: Exception | None = None
+    try:
+        entry = _run_case(farm, study, case, go_on)
+    except Exception as error:
+        failure = error
+    try:
+        message = farm.agree(in_one_line(failure) if failure else "")
+    except TimeoutError:
+        assert failure is not None
+        raise failure from None
+    if message:
+        farm.report(Event(case.name, f"failed: {message}", 0.0, milestone=True))
+        entry = {"status": "failed", "message": message}
+        if failure and not isinstance(failure, CalfsocketError):
+            entry["traceback"] = traceback.format_exception(failure)
+    return entry
+
+
+def _run_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, Any]:
     """Solve a case on this group of ranks and write its files; return its entry of run.json."""
     root = farm.group.rank == 0
     rows: list[dict[str, Any]] = []
+    troubles: set[str] = set()
 
     def tell(text: str, load: float, milestone: bool = False) -> None:
         farm.report(Event(case.name, text, load, milestone))
+
+    @contextmanager
+    def in_passing(load: float) -> Iterator[None]:
+        """Say once what cannot be written, and go on: it may be at the end."""
+        try:
+            yield
+        except OSError as error:
+            text = in_one_line(error)
+            if text not in troubles:
+                tell(text, load, True)
+            troubles.add(text)
 
     def on_step(step: LoadStep) -> None:
         newton = step.newton
@@ -207,7 +336,12 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
         tell(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load, True)
         rows.append(_step_row(case, step))
         if root:
-            _merge(study, "steps.csv", pd.DataFrame(rows))
+            with in_passing(step.load):
+                _merge(study, "steps.csv", pd.DataFrame(rows))
+
+    def on_milestone(milestone: Milestone) -> None:
+        with run.phase("checkpoints"), in_passing(milestone.load):
+            checkpoint.save(milestone)
 
     tell("mesh and set-up", 0.0, True)
     run = Run(
@@ -218,8 +352,28 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
         study.sockets.socket(case.socket),
         on_iteration=lambda load, k, norm: tell(f"iteration {k}, residual {norm:.1e} N/mm", load),
         on_step=on_step,
+        on_milestone=on_milestone,
     )
-    run.solve()
+    checkpoint = Checkpoint(
+        study.out / case.name / CHECKPOINT_FILE,
+        run.model,
+        {
+            "case": case.key,
+            **study.inputs(),
+            "versions": versions(),
+            "petsc_options": PETSc.Options().getAll(),
+        },
+    )
+    start: Milestone | None = None
+    if go_on:
+        try:
+            start = checkpoint.load()
+        except CheckpointError as error:  # on all ranks
+            tell(f"starts anew: {error}", 0.0, True)
+    if start is not None:
+        tell("goes on from its last equilibrium", start.load, True)
+        rows += [_step_row(case, step) for step in start.steps]
+    run.solve(start)
     checks = run.checks()
     with run.phase("outcomes"):
         fields = section_fields(run.model, region_tissues(study.limb))
@@ -242,8 +396,10 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
         "message": run.failure,
         "warnings": warnings,
         "ranks": farm.group.size,
+        "gone_on_from_load": start.load if start else 0.0,
         "seconds": run.seconds,
         **checks,
+        "files": _digests(study, case) if root else {},
     }
 
 
@@ -253,7 +409,7 @@ def attempt(what: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        log.warning("%s: %s: %s", what, type(error).__name__, error)
+        log.warning("%s: %s", what, in_one_line(error))
 
 
 def _write_case(study: Study, case: Case, fields: SectionFields, line: ContactLine) -> None:

@@ -8,17 +8,22 @@ import json
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from calfsocket.errors import WriteError
 from calfsocket.outcomes import UNITS, cell_outcomes
 from calfsocket.section_fields import GAUSS_POINTS, TISSUES, SectionFields
 
 FLOAT_FORMAT = "%.10g"
 FIELDS_FILE = "fields.vtu"
+
+_UNFINISHED = ".unfinished-"
+"""Start of the name of a file that is being written."""
 
 
 @contextmanager
@@ -26,22 +31,48 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path in the folder of `path`; at the end it takes the place of `path`.
 
     If the body fails, `path` stays as it was.
+
+    Raises
+    ------
+    WriteError
+        When there is no space, no right, no such folder.
     """
     path = Path(path)
+    try:
+        with _temporary(path) as temporary:
+            yield temporary
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o666 & ~umask)  # mkstemp's files are for their owner alone
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            temporary.replace(path)
+    except WriteError:
+        raise
+    except OSError as error:
+        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def _temporary(path: Path) -> Iterator[Path]:
+    """Give an empty file beside `path`, locked as long as this process lives and needs it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_UNFINISHED, suffix=path.suffix)
     temporary = Path(name)
     try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
         yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)  # mkstemp's files are for their owner alone
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        temporary.replace(path)
     finally:
+        os.close(handle)
         temporary.unlink(missing_ok=True)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what processes that were killed while they wrote have left in a folder."""
+    for temporary in folder.glob(f"{_UNFINISHED}*"):
+        with suppress(OSError), temporary.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # refused while somebody writes
+            temporary.unlink()
 
 
 @contextmanager
@@ -145,8 +176,21 @@ def write_fields(folder: Path, fields: SectionFields, socket: str, material_set:
     grid.field_data["material_set"] = [material_set]
     path = Path(folder) / FIELDS_FILE
     with replacing(path) as temporary:
-        grid.save(temporary, binary=True)
+        temporary.write_text(_vtu(grid), encoding="ascii")
     return path
+
+
+def _vtu(grid: Any) -> str:
+    """Text of a grid's file. VTK itself must not write it: on a full disk it crashes."""
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    text: str = writer.GetOutputString()
+    return text
 
 
 def read_fields(folder: Path) -> SectionFields:

@@ -40,6 +40,7 @@ results:
   summary.csv    largest stress and strain of each tissue, and contact pressure
   contact.csv    contact pressure, friction and gap along the skin
   steps.csv      load steps and Newton iterations
+  cases.csv      which cases are solved, and why others are not
   run.json       inputs, versions, checks and timings
   report.html    all of it on one page, beside the paper's numbers; tables/, figures/
   TC_separate/   fields.vtu (for ParaView), contact.csv and picture.png of a case
@@ -87,6 +88,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--overwrite", action="store_true", help="replace results made with other settings"
     )
     how.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep the cases that an earlier run into DIR has solved, and go on with those that "
+        "it had begun from their last equilibrium",
+    )
+    how.add_argument(
         "--ranks-per-case",
         type=int,
         metavar="N",
@@ -104,6 +111,8 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket.report.writing import write_report
     from calfsocket.study import attempt, check_folder, run_study
 
+    if arguments.resume and arguments.overwrite:
+        raise InputError("--resume, --overwrite: keep the results or replace them; give one")
     study = _study(comm, arguments)
     studies = variants.studies(study) if arguments.variants else [study]
     for each in studies:
@@ -112,9 +121,17 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     if comm.rank == 0:
         _log_to(console)
     solved = []
-    for each in studies:
-        log.info("results go to %s", each.out)
-        solved.append(run_study(comm, each, arguments.ranks_per_case, console))
+    try:
+        for each in studies:
+            log.info("results go to %s", each.out)
+            solved.append(
+                run_study(comm, each, arguments.ranks_per_case, console, arguments.resume)
+            )
+    except KeyboardInterrupt as interrupt:
+        raise type(interrupt)(
+            f"interrupted; what is finished is whole in {arguments.out}, and the same command with "
+            "--resume goes on"
+        ) from None
     if comm.rank == 0 and not arguments.no_report:
         study = studies[0]  # the base, where there are variants: its page compares them
         with attempt(f"no report in {study.out}"):

@@ -1,0 +1,106 @@
+"""What a run that was stopped has left in its folder, and what of it is kept."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from calfsocket import writers
+from calfsocket.errors import InputError
+
+CASE_FILES = (writers.FIELDS_FILE, "contact.csv")
+"""Files of a finished case; its picture can be drawn again from them."""
+
+
+def digests(
+    out: Path, name: str, key: Mapping[str, str], tables: Sequence[str]
+) -> dict[str, str | None]:
+    """SHA-256 of a case's files, and of its rows in the tables that cases share.
+
+    Parameters
+    ----------
+    out
+        Folder of the results.
+    name
+        Name of the case's folder.
+    key
+        Column -> value, by which its rows are known.
+    tables
+        Names of the tables in `out`.
+
+    Returns
+    -------
+    dict
+        File -> digest; None where it is missing or cannot be read.
+    """
+    found: dict[str, str | None] = {}
+    for file in CASE_FILES:
+        path = out / name / file
+        found[f"{name}/{file}"] = _digest(path.read_bytes()) if path.is_file() else None
+    for table in tables:
+        try:
+            rows = pd.read_csv(out / table, dtype=str, keep_default_na=False)
+            for column, value in key.items():
+                rows = rows[rows[column] == value]
+        except (OSError, ValueError, KeyError):
+            found[table] = None
+        else:
+            found[table] = _digest(rows.to_csv(index=False).encode())
+    return found
+
+
+def whole(entry: Mapping[str, Any], now: Mapping[str, str | None]) -> str:
+    """Say what is wrong with a case that run.json has an entry of; empty where it can be kept.
+
+    Parameters
+    ----------
+    entry
+        Its entry, with the `digests` when it was finished.
+    now
+        Its present `digests`.
+    """
+    if entry.get("status") != "solved":
+        return "not solved"
+    then = entry.get("files") or {}
+    changed = [file for file in now if now[file] is None or now[file] != then.get(file)]
+    return f"missing or changed since: {', '.join(changed)}" if changed else ""
+
+
+def earlier_run(path: Path, conditions: Mapping[str, Any]) -> dict[str, Any]:
+    """Cases of an earlier run.json, if that run was made under the same conditions.
+
+    Parameters
+    ----------
+    path
+        The run.json; there need be none.
+    conditions
+        What in it must be the same, e.g. versions.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read, or conditions differ.
+    """
+    if not path.exists():
+        return {}
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+        cases: dict[str, Any] = run["cases"]
+        differing = [name for name, value in conditions.items() if run[name] != value]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: cannot be read ({error!r}); add --overwrite to start anew"
+        ) from None
+    if differing:
+        raise InputError(
+            f"{path}: made with other {' and '.join(differing)}, so that numbers may differ; "
+            "repeat it with those, or leave --resume out to solve everything anew"
+        )
+    return cases
+
+
+def _digest(content: bytes) -> str:
+    return "sha256:" + hashlib.sha256(content).hexdigest()
