@@ -114,7 +114,7 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
     except CalfsocketError as error:
         message, code = f"calfsocket: {error}", CASE_FAILED
     except KeyboardInterrupt as interrupt:
-        message, code = f"calfsocket: {interrupt or 'interrupted'}", exit_code(interrupt)
+        message, code = f"calfsocket: {str(interrupt) or 'interrupted'}", exit_code(interrupt)
     except BaseException:
         if comm.size == 1:
             raise

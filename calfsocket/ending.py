@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_LAST_WORD = 72
-"""Tag of the messages by which ranks that cannot go on hear of each other."""
+_AT_AN_END, _SPEAKING = 72, 73
+"""Tags of the messages by which ranks that cannot go on hear of each other."""
 
 PATIENCE_S = 5.0
 """How long a rank that cannot go on waits for the others to say so too."""
@@ -53,22 +53,32 @@ def end_all(comm: "MPI.Intracomm", message: str, code: int) -> NoReturn:
 
     Of several ranks that cannot go on at the same time, the first one speaks.
     """
-    for higher in range(comm.rank + 1, comm.size):
-        comm.Isend(b"", dest=higher, tag=_LAST_WORD)
-    if not _hears_another(comm):
+    _tell_the_others(comm, _AT_AN_END)
+    if not _another_speaks(comm):
+        _tell_the_others(comm, _SPEAKING)
         print(message, file=sys.stderr, flush=True)
+    # mpirun passes the message on before it ends the others; if it has asked for the end itself, it
+    # does so meanwhile in its own way.
+    time.sleep(HEARING_S)
     comm.Abort(code)
     raise SystemExit(code)
 
 
-def _hears_another(comm: "MPI.Intracomm") -> bool:
-    """Whether a lower rank has a last word, too; it is then given the time to say it."""
-    if comm.rank == 0:
-        return False
-    deadline = time.monotonic() + HEARING_S
-    while time.monotonic() < deadline:
-        if comm.iprobe(tag=_LAST_WORD):
+def _tell_the_others(comm: "MPI.Intracomm", tag: int) -> None:
+    for rank in range(comm.size):
+        if rank != comm.rank:
+            comm.Isend(b"", dest=rank, tag=tag)
+
+
+def _another_speaks(comm: "MPI.Intracomm") -> bool:
+    """Whether another rank has spoken, or a lower one is about to; it is given the time to."""
+    deadline = time.monotonic() + (HEARING_S if comm.rank > 0 else 0.0)
+    while True:
+        if comm.iprobe(tag=_SPEAKING) or any(
+            comm.iprobe(source=rank, tag=_AT_AN_END) for rank in range(comm.rank)
+        ):
             time.sleep(2 * HEARING_S)
             return True
+        if time.monotonic() >= deadline:
+            return False
         time.sleep(0.01)
-    return False

@@ -22,15 +22,15 @@ class Event:
         Name of the case.
     text : str
         What happened, in a few words.
-    load : float
-        Load of the case, 0 to 1.
+    load : float or None
+        Load of the case, 0 to 1; None where it does not matter.
     milestone : bool
         Whether it is worth a log line of its own.
     """
 
     case: str
     text: str
-    load: float
+    load: float | None
     milestone: bool = False
 
 
@@ -83,12 +83,12 @@ class Reporter:
         start = self._started.setdefault(event.case, now)
         if self._tasks:
             left = ""
-            if 0 < event.load < 1:
+            if event.load and event.load < 1:
                 left = f"{(now - start) * (1 - event.load) / event.load:.0f} s left"
+            # None leaves the bar where it is.
             self._progress.update(
                 self._tasks[event.case], completed=event.load, text=event.text, left=left
             )
         elif event.milestone:
-            logger.info(
-                "%s: load %.3f, %s, %.0f s", event.case, event.load, event.text, now - start
-            )
+            load = "" if event.load is None else f"load {event.load:.3f}, "
+            logger.info("%s: %s%s, %.0f s", event.case, load, event.text, now - start)

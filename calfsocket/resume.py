@@ -52,21 +52,19 @@ def digests(
     return found
 
 
-def whole(entry: Mapping[str, Any], now: Mapping[str, str | None]) -> str:
-    """Say what is wrong with a case that run.json has an entry of; empty where it can be kept.
+def damage(entry: Mapping[str, Any], now: Mapping[str, str | None]) -> str:
+    """Say which files of a solved case are not what they were; empty where it is whole.
 
     Parameters
     ----------
     entry
-        Its entry, with the `digests` when it was finished.
+        Its entry in run.json, with the `digests` when it was finished.
     now
         Its present `digests`.
     """
-    if entry.get("status") != "solved":
-        return "not solved"
     then = entry.get("files") or {}
     changed = [file for file in now if now[file] is None or now[file] != then.get(file)]
-    return f"missing or changed since: {', '.join(changed)}" if changed else ""
+    return f"solved anew, missing or changed since: {', '.join(changed)}" if changed else ""
 
 
 def earlier_run(path: Path, conditions: Mapping[str, Any]) -> dict[str, Any]:

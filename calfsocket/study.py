@@ -243,7 +243,11 @@ class Ledger:
         entries = {name: self._content["cases"][name] for name in self._asked}
         failed = {name: each for name, each in entries.items() if each["status"] != "solved"}
         if failed:
-            log.warning("%d of %d cases failed:", len(failed), len(entries))
+            log.warning(
+                "%d of %d cases failed; with --resume they are tried again:",
+                len(failed),
+                len(entries),
+            )
         for name, entry in failed.items():
             log.warning("%s: %s", name, entry["message"])
         return not failed
@@ -258,7 +262,9 @@ class Ledger:
 def _is_kept(study: Study, case: Case, earlier: Mapping[str, Any]) -> bool:
     if case.name not in earlier:
         return False
-    why = resume.whole(earlier[case.name], _digests(study, case))
+    if earlier[case.name].get("status") != "solved":
+        return False
+    why = resume.damage(earlier[case.name], _digests(study, case))
     log.info("%s: %s", case.name, why or "solved already")
     return not why
 
@@ -303,7 +309,7 @@ def _try_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, An
         assert failure is not None
         raise failure from None
     if message:
-        farm.report(Event(case.name, f"failed: {message}", 0.0, milestone=True))
+        farm.report(Event(case.name, f"failed: {message}", None, milestone=True))
         entry = {"status": "failed", "message": message}
         if failure and not isinstance(failure, CalfsocketError):
             entry["traceback"] = traceback.format_exception(failure)

@@ -3,6 +3,7 @@
 Every file is written beside its place, flushed to the disk and moved there in one step.
 """
 
+import errno
 import fcntl
 import json
 import os
@@ -50,7 +51,8 @@ def replacing(path: Path) -> Iterator[Path]:
     except WriteError:
         raise
     except OSError as error:
-        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from error
+        advice = "; free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+        raise WriteError(f"{path}: cannot be written: {error.strerror or error}{advice}") from error
 
 
 @contextmanager
