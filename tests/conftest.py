@@ -23,15 +23,16 @@ def ranks_in_step() -> Iterator[None]:
 
 
 @pytest.fixture
-def mpirun(tmp_path: Path) -> Callable[..., str]:
-    """Run a Python program on n ranks, in the test's own folder; return its standard output.
+def launch(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a Python program on n ranks, in the test's own folder; return how it ended.
 
-    ``mpirun(3, ["-m", "calfsocket", "--size", "coarse"])``, ``mpirun(2, ["-c", "..."])`` or
-    ``mpirun(2, [script])``. Another exit code than ``code``, or no end within ``timeout`` seconds,
-    fails the test.
+    ``launch(3, ["-m", "calfsocket", "--size", "coarse"])``, ``launch(2, ["-c", "..."])`` or
+    ``launch(2, [script])``. No end within ``timeout`` seconds fails the test.
     """
 
-    def run(n: int, program: Sequence[str | Path], timeout: float = 300, code: int = 0) -> str:
+    def run(
+        n: int, program: Sequence[str | Path], timeout: float = 300
+    ) -> subprocess.CompletedProcess[str]:
         command = [ENVIRONMENT, "mpirun", "-n", str(n), "python3", *program]
         ours = ("OMPI_", "PMIX_", "PRTE_")  # of the MPI job that this process is
         process = subprocess.Popen(
@@ -41,6 +42,7 @@ def mpirun(tmp_path: Path) -> Callable[..., str]:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            errors="replace",
         )
         try:
             output, errors = process.communicate(timeout=timeout)
@@ -48,9 +50,22 @@ def mpirun(tmp_path: Path) -> Callable[..., str]:
             process.terminate()  # mpirun then ends its ranks; killed, it could not
             output, errors = process.communicate()
             pytest.fail(f"no end within {timeout} s on {n} ranks\n{output}\n{errors}")
-        if process.returncode != code:
-            pytest.fail(f"exit code {process.returncode} on {n} ranks\n{output}\n{errors}")
-        return output
+        return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+    return run
+
+
+@pytest.fixture
+def mpirun(launch: Callable[..., subprocess.CompletedProcess[str]]) -> Callable[..., str]:
+    """As `launch`; another exit code than ``code`` fails the test. Returns standard output."""
+
+    def run(n: int, program: Sequence[str | Path], timeout: float = 300, code: int = 0) -> str:
+        ended = launch(n, program, timeout)
+        if ended.returncode != code:
+            pytest.fail(
+                f"exit code {ended.returncode} on {n} ranks\n{ended.stdout}\n{ended.stderr}"
+            )
+        return ended.stdout
 
     return run
 
