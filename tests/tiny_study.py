@@ -6,11 +6,13 @@ line's own ways into MPI and out of it, with a fault on some rank where one is w
 
 import argparse
 import builtins
+import functools
 import importlib
 import itertools
 import json
 import logging
 import os
+import resource
 import signal
 import sys
 from collections.abc import Callable, Mapping
@@ -18,11 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import dolfinx
+import numpy as np
 from mpi4py import MPI
 
 from calfsocket import cli, compilation, errors
 from calfsocket.case import Case, Settings
 from calfsocket.commands import CASE_FAILED, OK
+from calfsocket.meshes import section, tags
 from calfsocket.meshes.data import Limb, Sockets
 from calfsocket.study import Study, check_folder, run_study
 
@@ -103,36 +108,76 @@ class TinyStudy:
 
 @dataclass(frozen=True)
 class Fault:
-    """Where, on which ranks, at which call, and what happens there: an exception, or SIGKILL."""
+    """An error that a function raises when it is called for the n-th time on some ranks.
+
+    Attributes
+    ----------
+    where : str
+        The function, as ``module:name`` or ``module:Class.name``.
+    ranks : tuple of int
+        Ranks of the program.
+    call : int
+        Counted from 1.
+    error : str
+        Name of an exception, Python's or calfsocket's, or a signal that the process sends itself.
+    words : tuple
+        The exception's arguments.
+    """
 
     where: str
     ranks: tuple[int, ...] = (0,)
     call: int = 1
     error: str = "RuntimeError"
-    text: str = "injected"
+    words: tuple[Any, ...] = ("injected",)
+
+    def owner(self) -> tuple[Any, str]:
+        """Give the module or class whose attribute the function is, and its name there."""
+        module, path = self.where.split(":")
+        *parents, name = path.split(".")
+        return functools.reduce(getattr, parents, importlib.import_module(module)), name
+
+    def put_into(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the function with the fault."""
+        calls = itertools.count(1)
+
+        def faulty(*words: Any, **named: Any) -> Any:
+            if MPI.COMM_WORLD.rank in self.ranks and next(calls) == self.call:
+                Path(f"injected-{MPI.COMM_WORLD.rank}").touch()
+                self.strike()
+            return function(*words, **named)
+
+        return faulty
+
+    def strike(self) -> None:
+        if self.error.startswith("SIG"):
+            os.kill(os.getpid(), getattr(signal, self.error))
+        raise (getattr(builtins, self.error, None) or getattr(errors, self.error))(*self.words)
 
 
 def inject(fault: Fault) -> None:
-    """Put a fault into a function."""
-    if MPI.COMM_WORLD.rank not in fault.ranks:
-        return
-    module, path = fault.where.split(":")
-    owner = importlib.import_module(module)
-    *parents, name = path.split(".")
-    for parent in parents:
-        owner = getattr(owner, parent)
-    original = getattr(owner, name)
-    calls = itertools.count(1)
+    """Put a fault in its place."""
+    owner, name = fault.owner()
+    setattr(owner, name, fault.put_into(getattr(owner, name)))
 
-    def faulty(*words: Any, **named: Any) -> Any:
-        if next(calls) == fault.call:
-            if fault.error == "SIGKILL":
-                os.kill(os.getpid(), signal.SIGKILL)
-            error = getattr(builtins, fault.error, None) or getattr(errors, fault.error)
-            raise error(fault.text)
-        return original(*words, **named)
 
-    setattr(owner, name, faulty)
+def share_out(owners: tuple[int, int]) -> None:
+    """Give the limb to one rank and the socket to another; further ranks get nothing."""
+    build, parts = section.build, {}
+
+    def remember(*words: Any) -> Any:
+        mesh = build(*words)
+        parts["socket"] = mesh.cell_tags == tags.SOCKET_ID
+        return mesh
+
+    def by_body(mode: Any) -> Any:
+        def partition(comm: MPI.Comm, n: int, cell_types: Any, cells: Any) -> Any:
+            rank = np.where(parts["socket"], *owners[::-1]) if comm.rank == 0 else np.empty(0)
+            return dolfinx.cpp.graph.AdjacencyList_int32(rank.astype(np.int32).reshape(-1, 1))
+
+        return partition
+
+    section.build = remember
+    dolfinx.mesh.create_cell_partitioner = by_body
 
 
 def after_warming(task: Callable[[], None]) -> None:
@@ -147,7 +192,16 @@ def after_warming(task: Callable[[], None]) -> None:
 
 
 def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
-    """Run the tiny study in a folder, with a fault where there is one."""
+    """Run the tiny study in a folder, with a fault where there is one.
+
+    `how` may have ``ranks_per_case``, ``go_on``, ``fault``, ``owners`` (`share_out`), ``petsc``
+    (options) and ``largest_file`` (bytes).
+    """
+    if "owners" in how:
+        share_out(how["owners"])
+    if "largest_file" in how:  # after the forms, which are larger
+        limit = how["largest_file"]
+        after_warming(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
     if "fault" in how:
         fault = Fault(**how["fault"])
         if "compilation" in fault.where:
