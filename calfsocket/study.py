@@ -219,16 +219,11 @@ class Ledger:
 
     def record(self, entry: dict[str, Any]) -> None:
         """Put in how a case ended; a full disk now need not stop the cases that run."""
-        name = entry.pop("name")
-        self._content["cases"][name] = entry
+        self._content["cases"][entry.pop("name")] = entry
         try:
             self._write()
         except OSError as error:
             log.warning("%s", error)
-        else:
-            if entry["status"] == "solved":
-                # Its files hold all there is to know; one that failed may be gone on with.
-                (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
     def close(self) -> bool:
         """Mark the study as finished; tell whether every case asked for was solved.
@@ -257,6 +252,10 @@ class Ledger:
         writers.write_json(self._out / RUN_FILE, self._content)
         with writers.replacing(self._out / CASES_FILE) as temporary:
             _cases_table(self._content["cases"]).to_csv(temporary, index=False)
+        for name, entry in self._content["cases"].items():
+            if entry["status"] == "solved":
+                # Its files hold all there is to know; one that failed may be gone on with.
+                (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
 def _is_kept(study: Study, case: Case, earlier: Mapping[str, Any]) -> bool:

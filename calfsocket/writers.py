@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from calfsocket.errors import WriteError
+from calfsocket.errors import WriteError, in_one_line
 from calfsocket.outcomes import UNITS, cell_outcomes
 from calfsocket.section_fields import GAUSS_POINTS, TISSUES, SectionFields
 
@@ -126,7 +126,7 @@ def merge_csv(
     with locked(path.parent):
         merged = new
         if path.exists():
-            old = pd.read_csv(path, dtype=str, keep_default_na=False)
+            old = _read_table(path, key)
             others = [case not in cases for case in old[key].itertuples(index=False, name=None)]
             merged = pd.concat([new, old[others]], ignore_index=True).fillna("")
         names = [tuple(case) for case in merged[key].itertuples(index=False, name=None)]
@@ -135,6 +135,25 @@ def merge_csv(
         )
         with replacing(path) as temporary:
             merged.iloc[places].to_csv(temporary, index=False)
+
+
+def _read_table(path: Path, key: Sequence[str]) -> pd.DataFrame:
+    """Read a CSV as text.
+
+    Raises
+    ------
+    WriteError
+        When it is no table with the columns of `key`, so that no row can be put into it.
+    """
+    try:
+        table = pd.read_csv(path, dtype=str, keep_default_na=False)
+        table[key]
+    except (ValueError, KeyError) as error:
+        raise WriteError(
+            f"{path}: is not the table that was written there; move it away, or restore it "
+            f"({in_one_line(error)})"
+        ) from None
+    return table
 
 
 def write_fields(folder: Path, fields: SectionFields, socket: str, material_set: str) -> Path:

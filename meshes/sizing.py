@@ -75,9 +75,10 @@ class SizeField:
     def write(self, path: Path) -> None:
         """Write the binary file that gmsh's field `Structured` reads: a grid one layer thick."""
         with path.open("wb") as file:
-            np.array([*self.origin, 0.0, GRID_STEP, GRID_STEP, 1.0]).tofile(file)
-            np.array([*self.values.shape, 1], dtype=np.int32).tofile(file)
-            np.ascontiguousarray(self.values, dtype=np.float64).tofile(file)
+            # numpy's tofile would not say why it cannot write.
+            file.write(np.array([*self.origin, 0.0, GRID_STEP, GRID_STEP, 1.0]).tobytes())
+            file.write(np.array([*self.values.shape, 1], dtype=np.int32).tobytes())
+            file.write(np.asarray(self.values, dtype=np.float64).tobytes())
 
 
 def limb_field(loops: Mapping[str, ClosedCurve], contact: str, size: MeshSize) -> SizeField:
