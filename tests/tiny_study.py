@@ -198,7 +198,8 @@ def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
     (options) and ``largest_file`` (bytes).
     """
     if "owners" in how:
-        share_out(how["owners"])
+        owners = how["owners"]
+        after_warming(lambda: share_out(owners))
     if "largest_file" in how:  # after the forms, which are larger
         limit = how["largest_file"]
         after_warming(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
