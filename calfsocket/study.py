@@ -34,7 +34,9 @@ from calfsocket.versions import versions
 KEY = ("socket", "material_set")
 RUN_FILE = "run.json"
 CASES_FILE = "cases.csv"
-TABLES = ("summary.csv", "contact.csv", "steps.csv")
+CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
+"""Tables in which a case has rows of its own."""
+TABLES = CASE_TABLES
 
 log = logging.getLogger(__name__)
 
@@ -252,16 +254,14 @@ class Ledger:
         writers.write_json(self._out / RUN_FILE, self._content)
         with writers.replacing(self._out / CASES_FILE) as temporary:
             _cases_table(self._content["cases"]).to_csv(temporary, index=False)
-        for name, entry in self._content["cases"].items():
-            if entry["status"] == "solved":
+        for name in self._asked:
+            if self._content["cases"][name]["status"] == "solved":
                 # Its files hold all there is to know; one that failed may be gone on with.
                 (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
 def _is_kept(study: Study, case: Case, earlier: Mapping[str, Any]) -> bool:
-    if case.name not in earlier:
-        return False
-    if earlier[case.name].get("status") != "solved":
+    if earlier.get(case.name, {}).get("status") != "solved":
         return False
     why = resume.damage(earlier[case.name], _digests(study, case))
     log.info("%s: %s", case.name, why or "solved already")
@@ -269,7 +269,7 @@ def _is_kept(study: Study, case: Case, earlier: Mapping[str, Any]) -> bool:
 
 
 def _digests(study: Study, case: Case) -> dict[str, str | None]:
-    return resume.digests(study.out, case.name, dict(zip(KEY, case.key, strict=True)), TABLES)
+    return resume.digests(study.out, case.name, dict(zip(KEY, case.key, strict=True)), CASE_TABLES)
 
 
 def _cases_table(entries: Mapping[str, Any]) -> pd.DataFrame:

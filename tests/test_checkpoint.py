@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from calfsocket.case import Case, Run, Settings
 from calfsocket.checkpoint import Checkpoint, CheckpointError
 from calfsocket.errors import SolveError, WriteError
+from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.solver import Solver
 from calfsocket.stepping import Milestone, StepControl, Stepper
 from ring_checkpoint import CONTROLS
@@ -181,3 +183,31 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_one_before(unbroken, tmp
         checkpoint.save(milestone)
     assert path.read_bytes() == (folder / "1.npz").read_bytes()
     assert [file.name for file in tmp_path.iterdir()] == ["c.npz"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material_set", ["separate", "combined"])
+def test_a_limb_goes_on_as_if_it_had_never_stopped(material_set, tmp_path):
+    """The coarse mesh, friction and a waving fascia; steps are cut back and grown on the way."""
+    limb, socket = load_limb(), load_sockets().socket("HS")
+    case, settings = Case("HS", material_set), Settings(size="coarse")
+
+    def run(save: bool) -> Run:
+        def keep(milestone: Milestone) -> None:
+            if save and len(milestone.steps) == 3:
+                Checkpoint(tmp_path / "c.npz", made.model, {}).save(milestone)
+
+        made = Run(MPI.COMM_SELF, case, settings, limb, socket, on_milestone=keep)
+        made.solve(None if save else Checkpoint(tmp_path / "c.npz", made.model, {}).load())
+        assert made.failure == ""
+        return made
+
+    whole, resumed = run(save=True), run(save=False)
+    assert [step.newton.iterations for step in resumed.stepper.steps] == [
+        step.newton.iterations for step in whole.stepper.steps
+    ]
+    difference = np.abs(resumed.model.w.x.array - whole.model.w.x.array).max()
+    print(f"{material_set}: {len(whole.stepper.steps)} steps, difference {difference:.1e}")
+    assert difference < 1e-8
+    checks = [made.checks() for made in (whole, resumed)]
+    assert checks[0]["negative_modes"] == checks[1]["negative_modes"]

@@ -14,11 +14,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from mpi4py import MPI
-from reliability import Trial
 
 from calfsocket import compilation, resume
 from calfsocket.errors import InputError
 from calfsocket.study import run_study
+from reliability import Trial
 from tiny_study import Fault, tiny_study
 
 TITLE = "Faults while running"

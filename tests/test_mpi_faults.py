@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from mpi4py import MPI
-from reliability import Trial
-from test_faults import entries, same_results
 
 from calfsocket.study import run_study
+from reliability import Trial
+from test_faults import entries
 from tiny_study import Fault, tiny_study
 
 TITLE = "Faults of one rank among several"
@@ -175,5 +175,5 @@ def test_cases_side_by_side_fail_alone(launch, tmp_path, unbroken):
         "failed",
         "solved",
     ]
-    assert run(launch, 2, go_on=True).returncode == 0
-    assert same_results(tmp_path / "results", unbroken)
+    assert run(launch, 2, go_on=True).returncode == 0  # both ranks share the case that is left
+    assert close(tmp_path / "results", unbroken)
