@@ -68,7 +68,7 @@ def damage(entry: Mapping[str, Any], now: Mapping[str, str | None]) -> str:
 
 
 def earlier_run(path: Path, conditions: Mapping[str, Any]) -> dict[str, Any]:
-    """Cases of an earlier run.json, if that run was made under the same conditions.
+    """Read an earlier run.json, if that run was made under the same conditions.
 
     Parameters
     ----------
@@ -77,18 +77,23 @@ def earlier_run(path: Path, conditions: Mapping[str, Any]) -> dict[str, Any]:
     conditions
         What in it must be the same, e.g. versions.
 
+    Returns
+    -------
+    dict
+        Its content; that of a run without cases where there is none.
+
     Raises
     ------
     InputError
         When it cannot be read, or conditions differ.
     """
     if not path.exists():
-        return {}
+        return {"inputs": {}, "cases": {}}
     try:
-        run = json.loads(path.read_text(encoding="utf-8"))
-        cases: dict[str, Any] = run["cases"]
+        run: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        run["inputs"].keys(), run["cases"].keys()
         differing = [name for name, value in conditions.items() if run[name] != value]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path}: cannot be read ({error!r}); add --overwrite to start anew"
         ) from None
@@ -97,7 +102,7 @@ def earlier_run(path: Path, conditions: Mapping[str, Any]) -> dict[str, Any]:
             f"{path}: made with other {' and '.join(differing)}, so that numbers may differ; "
             "repeat it with those, or leave --resume out to solve everything anew"
         )
-    return cases
+    return run
 
 
 def _digest(content: bytes) -> str:

@@ -195,7 +195,7 @@ class Ledger:
         conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
         for folder in (study.out, *(study.out / name for name in self._asked)):
             writers.remove_unfinished(folder)
-        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})
+        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})["cases"]
         self.to_solve = [
             case for case in study.cases if not (go_on and _is_kept(study, case, earlier))
         ]
