@@ -5,19 +5,16 @@ Used by material files, a law a file, and by study files, where laws stand in ta
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import Field, model_validator
 
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh, d1_from_poisson, neo_hookean
 from calfsocket.meshes.schema import Strict
+from calfsocket.quantity import Written
 from calfsocket.units import COMPLIANCE, STRESS
 
-Stress = Annotated[
-    float, BeforeValidator(STRESS.parse), WithJsonSchema(STRESS.json_schema("12 kPa"))
-]
-Compliance = Annotated[
-    float, BeforeValidator(COMPLIANCE.parse), WithJsonSchema(COMPLIANCE.json_schema("1.67e-6 1/Pa"))
-]
+Stress = Annotated[float, Written(STRESS, "12 kPa")]
+Compliance = Annotated[float, Written(COMPLIANCE, "1.67e-6 1/Pa")]
 
 
 class Entry(Strict):
@@ -105,9 +102,6 @@ class HenckyEntry(Entry):
         return Hencky(self.e, self.nu)
 
 
-LawEntry = Annotated[
-    OgdenEntry | NeoHookeanEntry | YeohEntry | HenckyEntry, Field(discriminator="law")
-]
 ENTRIES: dict[str, type[Entry]] = {
     "ogden": OgdenEntry,
     "neo-hookean": NeoHookeanEntry,
