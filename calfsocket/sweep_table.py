@@ -118,7 +118,7 @@ def _headings(sweep: Sweep) -> list[tuple[str, str, str]]:
         tissues = ("vessel",) if outcome == "pressure" else SUMMARY_TISSUES
         unit = _unit(UNITS[outcome])
         found += [(f"{tissue}_{outcome}_{unit}", tissue, outcome) for tissue in tissues]
-    found += [(f"{t.tissue}_{t.name}_percent", t.tissue, t.name) for t in sweep.thresholds]
+    found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in sweep.thresholds]
     return found
 
 

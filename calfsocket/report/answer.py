@@ -20,7 +20,7 @@ SECTORS = (
 )  # fmt: skip
 """Eighths of the turn about the section's origin, counter-clockwise from +x; a right leg."""
 
-MOST_NAMED = 6
+MOST_NAMED = 4
 """Sockets that one sentence names."""
 
 

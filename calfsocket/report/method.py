@@ -8,7 +8,7 @@ from calfsocket.report import names
 from calfsocket.report.results import Results
 from calfsocket.report.table import Table, number
 
-MOST_NAMED = 6
+MOST_NAMED = 4
 """Sockets that the summary names."""
 
 SETTINGS = {

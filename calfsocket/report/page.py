@@ -120,7 +120,7 @@ def write_page(
     }
     content |= {table.name: {"html": Markup(table.html()), "name": table.name} for table in tables}
     warnings = method.warnings(results)
-    if why_no_calibration is not None:
+    if why_no_calibration is not None and results.of_paper is not None:
         missing = f"Figure 3 {why_no_calibration}."
         if not isinstance(why_no_calibration, NoCalibration):
             missing = f"The calibration, figure 3, is left out: {why_no_calibration}."

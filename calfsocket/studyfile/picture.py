@@ -27,7 +27,7 @@ MOST_SHOWN = 9
 MOST_LISTED = 24
 OVERLAP = "#d55e00"
 OWN_LAW = "#7b3f9d"
-PANEL_INCH, LINE_INCH = 4.0, 0.17
+PANEL_INCH, LINE_INCH = 4.0, 0.135
 
 
 def draw(plan: Plan, path: Path) -> None:
@@ -95,7 +95,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     drawing.scale_bar(axes, window, fontsize=7)
     on = plan.placements[case.socket]
     axes.set_title(
-        f"{case.socket}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
+        f"{case.socket.split('@')[0]}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
         f"area\npresses up to {on.largest_overlap:.2f} mm at {on.overlap_angle:.0f} deg, on "
         f"{100 * on.touching:.0f} % of the skin",
         fontsize=8,
