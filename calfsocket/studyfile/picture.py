@@ -94,8 +94,9 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     drawing.mark_directions(axes, window, fontsize=7, margin=0.5)
     drawing.scale_bar(axes, window, fontsize=7)
     on = plan.placements[case.socket]
+    name = case.socket.split("@")[0]
     axes.set_title(
-        f"{case.socket.split('@')[0]}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
+        f"{name}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
         f"area\npresses up to {on.largest_overlap:.2f} mm at {on.overlap_angle:.0f} deg, on "
         f"{100 * on.touching:.0f} % of the skin",
         fontsize=8,

@@ -1,5 +1,6 @@
 """From a checked study file to cases: every socket's shape, every law, nothing solved."""
 
+import difflib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -116,6 +117,9 @@ class Planner:
             points = changes.points(document.sweep)
         swept = tuple(points[0])
         asked = list(self._asked(document))
+        for place, names in (("sweep", points[0]), *((a.place, a.changes) for a in asked)):
+            with told(self._path, place):
+                changes.applied(self._content, names)
         labels = Labels([*swept, *(name for each in asked for name in each.changes)], points)
         shared = self._settings(document)
         cases: dict[tuple[str, str], Case] = {}
@@ -141,6 +145,12 @@ class Planner:
                         f"{self._path}: more than {MOST_CASES} cases; make several studies"
                     )
         self._check_folders(cases)
+        for name in swept:
+            if not any(name in case.changes for case in cases.values()):
+                raise InputError(
+                    f"{self._path}: sweep: {name} reaches no case; add its socket or material set "
+                    "to the study, or leave it out"
+                )
         shapes = {k: v for k, v in shapes.items() if k not in self._reference.sockets}
         placements = self._placements(cases.values(), shapes)
         return Plan(
@@ -206,9 +216,15 @@ class Planner:
         tissues = [name for each in sets for name in materials_of(each).values()]
         for name in entries:
             if name not in (*tissues, *regions):
+                near = difflib.get_close_matches(name, [*tissues, *regions], n=1)
+                hint = (
+                    f"did you mean '{near[0]}'?"
+                    if near
+                    else f"allowed: {', '.join(dict.fromkeys(tissues))}, or a region such as "
+                    f"'{regions[0]}' (`show` draws them)"
+                )
                 raise InputError(
-                    f"{self._path}: {place}.{name}: no tissue or region '{name}'; "
-                    f"{nearest(name, [*dict.fromkeys(tissues), *regions])}"
+                    f"{self._path}: {place}.{name}: no tissue or region '{name}'; {hint}"
                 )
 
     def _document(self, own: Changes, place: str) -> Document:
