@@ -47,11 +47,11 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
         return study, file.petsc_options
 
     study, petsc_options = on_first_rank(comm, read)
-    _set(petsc_options)
+    set_options(petsc_options)
     return solve(comm, [study], arguments)
 
 
-def _set(petsc_options: "Mapping[str, str]") -> None:
+def set_options(petsc_options: "Mapping[str, str]") -> None:
     """Give PETSc the options of an earlier run, unless they are given anew."""
     from petsc4py import PETSc
 
