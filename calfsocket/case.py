@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 from mpi4py import MPI
 
@@ -33,13 +33,23 @@ class Case:
     Attributes
     ----------
     socket : str
-        Name in the sockets' file.
+        Name in the study's sockets.
     material_set : str
-        "separate" or "combined".
+        "separate", "combined", or the name of a set of the study's own.
+    base : str, optional
+        Set of the paper that one of the study's own starts from.
+    settings : Settings, optional
+        Its own, in the place of those that the study's cases share.
+    changes : mapping
+        Parameters by which it differs from the study file's other cases, as written there: dotted
+        name -> value.
     """
 
     socket: str
-    material_set: MaterialSet
+    material_set: str
+    base: MaterialSet | None = None
+    settings: "Settings | None" = field(default=None, hash=False)
+    changes: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
     @property
     def name(self) -> str:
@@ -50,6 +60,11 @@ class Case:
     def key(self) -> tuple[str, str]:
         """Values of the columns that name the case in every table."""
         return self.socket, self.material_set
+
+    @property
+    def paper_set(self) -> MaterialSet:
+        """The set of the paper that the case's own is, or starts from."""
+        return self.base or cast(MaterialSet, self.material_set)
 
 
 @dataclass(frozen=True)
@@ -67,7 +82,7 @@ class Settings:
     ogden_form : str
         "abaqus" or "as-printed".
     materials : mapping of str to law
-        Laws in the place of Table 1's, by name of the tissue or "combined".
+        Laws in the place of Table 1's, by name of the tissue, "combined", or a single region.
     contact : ContactParameters
         Friction and Nitsche stiffness.
     steps : StepControl
@@ -91,8 +106,15 @@ def region_tissues(limb: Limb) -> dict[str, str]:
 def case_laws(case: Case, settings: Settings) -> dict[str, Law]:
     """Law of each tissue in a case."""
     return material_set(
-        case.material_set, settings.fascia_c10, settings.ogden_form, settings.materials
+        case.paper_set, settings.fascia_c10, settings.ogden_form, settings.materials
     )
+
+
+def region_laws(case: Case, settings: Settings, limb: Limb) -> dict[str, Law]:
+    """Law of each region in a case, the socket among them: its own, or that of its tissue."""
+    laws = case_laws(case, settings)
+    own = settings.materials
+    return {name: own.get(name, laws[tissue]) for name, tissue in region_tissues(limb).items()}
 
 
 def step_control(case: Case, settings: Settings) -> StepControl:
@@ -102,7 +124,7 @@ def step_control(case: Case, settings: Settings) -> StepControl:
     the iterations. A separate, stiff fascia waves in the soft muscle, and a start ahead of the
     friction may end on another branch (TC Separate, coarse: 0.5 % less contact pressure).
     """
-    return replace(settings.steps, predict=case.material_set == "combined")
+    return replace(settings.steps, predict=case.paper_set == "combined")
 
 
 class Run:
@@ -144,11 +166,10 @@ class Run:
         with self.phase("mesh"):
             section = section_mesh(comm, limb, socket, mesh_size(settings.size))
         with self.phase("setup"):
-            laws = case_laws(case, settings)
-            tissues = region_tissues(limb)
+            laws = region_laws(case, settings, limb)
             self.model = Model(
                 section,
-                {name: laws[tissues[name]] for name in section.regions},
+                {name: laws[name] for name in section.regions},
                 settings.contact,
                 settings.socket_support,
             )

@@ -17,10 +17,15 @@ from calfsocket.commands import (
     Command,
     NamedCommand,
     calibrate,
+    check,
     fit,
     mesh,
+    new,
     picture,
     report,
+    run,
+    schema,
+    show,
     study,
     verify,
     warm,
@@ -31,6 +36,11 @@ from calfsocket.errors import CalfsocketError, InputError
 PROGRAM = "python3 -m calfsocket"
 
 COMMANDS: dict[str, NamedCommand] = {
+    "new": new,
+    "check": check,
+    "show": show,
+    "run": run,
+    "schema": schema,
     "calibrate": calibrate,
     "fit": fit,
     "mesh": mesh,

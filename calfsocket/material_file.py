@@ -18,86 +18,18 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BeforeValidator, Field
+from typing import Any
 
 import calfsocket
 from calfsocket.errors import InputError
-from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh, d1_from_poisson, neo_hookean
-from calfsocket.meshes.schema import Strict, checked, read_text
+from calfsocket.laws import Hencky, Law, Ogden, Yeoh
+from calfsocket.material_entry import entry_of
+from calfsocket.meshes.schema import checked, read_text
 from calfsocket.tissues import MaterialSet, materials_of
 from calfsocket.units import COMPLIANCE, STRESS
 from calfsocket.writers import replacing
 
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
-
-_Stress = Annotated[float, BeforeValidator(STRESS.parse)]
-_Compliance = Annotated[float, BeforeValidator(COMPLIANCE.parse)]
-
-
-class _Material(Strict):
-    provenance: dict[str, Any] = Field(default_factory=dict)
-
-
-class _NearlyIncompressible(_Material):
-    d1: _Compliance | None = None
-    nu: float | None = None
-
-    def d1_of(self, mu: float) -> float:
-        """Return D1 as given, or by Poisson's ratio."""
-        if self.d1 is not None and self.nu is None:
-            return self.d1
-        if self.nu is not None and self.d1 is None:
-            return d1_from_poisson(mu, self.nu)
-        raise InputError("give either d1 or nu")
-
-
-class _Ogden(_NearlyIncompressible):
-    law: Literal["ogden"]
-    mu: tuple[_Stress, ...]
-    alpha: tuple[float, ...]
-    form: OgdenForm = "abaqus"
-
-    def to_law(self) -> Law:
-        incompressible = Ogden(self.mu, self.alpha, 0.0, self.form)
-        d1 = self.d1_of(incompressible.initial_shear_modulus)
-        return Ogden(self.mu, self.alpha, d1, self.form)
-
-
-class _NeoHookean(_NearlyIncompressible):
-    law: Literal["neo-hookean"]
-    mu: _Stress
-
-    def to_law(self) -> Law:
-        return neo_hookean(self.mu, self.d1_of(self.mu))
-
-
-class _Yeoh(_Material):
-    law: Literal["yeoh"]
-    c10: _Stress
-    c20: _Stress = 0.0
-    c30: _Stress = 0.0
-
-    def to_law(self) -> Law:
-        return Yeoh(self.c10, self.c20, self.c30)
-
-
-class _Hencky(_Material):
-    law: Literal["hencky"]
-    e: _Stress
-    nu: float
-
-    def to_law(self) -> Law:
-        return Hencky(self.e, self.nu)
-
-
-_MODELS: dict[str, type[_Ogden | _NeoHookean | _Yeoh | _Hencky]] = {
-    "ogden": _Ogden,
-    "neo-hookean": _NeoHookean,
-    "yeoh": _Yeoh,
-    "hencky": _Hencky,
-}
 
 
 def read_material(path: Path) -> Law:
@@ -113,15 +45,11 @@ def read_material(path: Path) -> Law:
         content = tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: {error}") from error
-    name = content.get("law")
-    if not isinstance(name, str) or name not in _MODELS:
-        what = "is missing" if name is None else f"is {name!r}"
-        raise InputError(f"{path}: law {what}; use one of {', '.join(_MODELS)}")
-    material = checked(path, content, _MODELS[name])
     try:
-        return material.to_law()
+        model = entry_of(content)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+    return checked(path, content, model).to_law()
 
 
 def read_materials(words: Sequence[str], sets: Iterable[MaterialSet]) -> dict[str, Law]:

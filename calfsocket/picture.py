@@ -35,6 +35,7 @@ PRESSURE_MM_PER_KPA = 0.4  # the same in every picture, so that pictures can be 
 PRESSURE_STEP_KPA = 20.0
 HALF_FRAME_MM = 92.0  # grows where the pressure needs it
 PIXELS = 2100
+LONGEST_TITLE = 60  # letters; longer ones are written smaller
 
 
 def read_contact(folder: Path) -> pd.DataFrame:
@@ -142,7 +143,9 @@ def draw(folder: Path) -> Path:
     socket, material_set = contact.socket.iloc[0], contact.material_set.iloc[0]
     name = drawing.SOCKET_NAMES.get(socket)
     title = f"{socket} socket" + (f" ({name})" if name else "")
-    figure.text(0.5, 0.965, f"{title}, {material_set} set", ha="center", fontsize=13)
+    text = f"{title}, {material_set} set"
+    fontsize = 13 * min(1.0, LONGEST_TITLE / len(text))
+    figure.text(0.5, 0.965, text, ha="center", fontsize=fontsize, parse_math=False)
     path = folder / PICTURE_FILE
     with replacing(path) as temporary:
         figure.savefig(temporary, facecolor="white")

@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +16,20 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from rich.console import Console
 
-from calfsocket import compilation, outcomes, picture, resume, writers
-from calfsocket.case import Case, Run, Settings, case_laws, region_tissues
+from calfsocket import compilation, outcomes, picture, resume, sweep_table, writers
+from calfsocket.case import Case, Run, Settings, case_laws, region_laws, region_tissues
 from calfsocket.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
 from calfsocket.contact_line import ContactLine
 from calfsocket.errors import CalfsocketError, InputError, in_one_line
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.laws import ogden_terms
-from calfsocket.meshes.data import Limb, Sockets
+from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
 from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
 from calfsocket.stepping import LoadStep, Milestone
+from calfsocket.sweep_table import SWEEP_FILE, Sweep
+from calfsocket.thresholds import Threshold, threshold_rows
 from calfsocket.tissues import MATERIAL_SETS
 from calfsocket.versions import versions
 
@@ -36,7 +38,7 @@ RUN_FILE = "run.json"
 CASES_FILE = "cases.csv"
 CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
 """Tables in which a case has rows of its own."""
-TABLES = CASE_TABLES
+TABLES = (*CASE_TABLES, SWEEP_FILE)
 
 log = logging.getLogger(__name__)
 
@@ -50,13 +52,24 @@ class Study:
     cases : tuple of Case
         In the order of the result tables.
     settings : Settings
-        Shared by all.
+        Shared by all that have none of their own.
     limb, sockets
-        Geometry.
+        Geometry: the section, and the sockets of the reference data.
     out : Path
         Folder of the results.
     pictures : bool
         Whether to draw each case.
+    known : tuple of Case
+        All cases that a folder of this study may hold, `cases` among them, in the order of the
+        result tables; by default every socket of the reference data with every set of the paper.
+    shapes : mapping of str to Shape
+        Sockets beside those of the reference data.
+    thresholds : tuple of Threshold
+        What the summary tells besides.
+    sweep : Sweep, optional
+        What sweep.csv tells.
+    origin : mapping
+        The study file and what it read, for run.json.
     """
 
     cases: tuple[Case, ...]
@@ -65,14 +78,52 @@ class Study:
     sockets: Sockets
     out: Path
     pictures: bool = True
+    known: tuple[Case, ...] = ()
+    shapes: Mapping[str, Shape] = field(default_factory=dict)
+    thresholds: tuple[Threshold, ...] = ()
+    sweep: Sweep | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def order(self) -> tuple[Case, ...]:
+        """All cases that the folder may hold, in the order of the tables."""
+        return self.known or tuple(all_cases(self.sockets))
+
+    @property
+    def all_sockets(self) -> Sockets:
+        """Sockets of the reference data and the study's own."""
+        return self.sockets.model_copy(update={"sockets": {**self.sockets.sockets, **self.shapes}})
+
+    def socket(self, case: Case) -> Socket:
+        """Socket of a case."""
+        return self.all_sockets.socket(case.socket)
+
+    def settings_of(self, case: Case) -> Settings:
+        """Give the settings of a case: its own, or those that all share."""
+        return case.settings or self.settings
 
     def inputs(self) -> dict[str, Any]:
         """Everything that the results depend on, apart from the choice of cases."""
         return {
             "settings": asdict(self.settings),
             "limb": _fingerprint(self.limb.model_dump_json()),
-            "sockets": _fingerprint(self.sockets.model_dump_json()),
+            "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
+            "thresholds": [asdict(threshold) for threshold in self.thresholds],
+            "cases": {case.name: self._own_inputs(case) for case in self.order},
         }
+
+    def inputs_of(self, case: Case) -> dict[str, Any]:
+        """Everything that the solution of a case depends on."""
+        return {"limb": _fingerprint(self.limb.model_dump_json()), "case": self._own_inputs(case)}
+
+    def _own_inputs(self, case: Case) -> str:
+        """Tell whether a case of the same name is the same."""
+        own = {
+            "socket": self.socket(case).model_dump(mode="json", exclude_none=True),
+            "set": case.paper_set,
+            "settings": asdict(self.settings_of(case)),
+        }
+        return _fingerprint(json.dumps(own))
 
 
 def run_study(
@@ -130,12 +181,15 @@ def run_study(
                 ledger.record(message)
 
         with reporter or nullcontext():
-            laws = [case_laws(case, study.settings).values() for case in cases]
+            laws = [
+                region_laws(case, study.settings_of(case), study.limb).values() for case in cases
+            ]
             compilation.warm(comm, map(ogden_terms, laws))
             farm = Farm(comm, len(cases), ranks_per_case, on_report)
             while (number := farm.next_case()) is not None:
-                entry = _try_case(farm, study, cases[number], go_on)
-                farm.report({"name": cases[number].name, **entry})
+                case = cases[number]
+                entry = _try_case(farm, study, case, go_on)
+                farm.report({"name": case.name, **_about(case), **entry})
             farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
 
@@ -164,7 +218,12 @@ def check_folder(study: Study, overwrite: bool) -> None:
             "or add --overwrite to replace the results in it"
         ) from None
     now = json.loads(json.dumps(study.inputs()))
-    changed = sorted(_differences(before, now))
+    # Cases may be added; results made before there were any thresholds have none.
+    own_before, own_now = before.pop("cases", {}), now.pop("cases")
+    before.setdefault("thresholds", [])
+    changed = sorted(_differences(before, now)) or sorted(
+        f"case {name}" for name in own_before.keys() & own_now if own_before[name] != own_now[name]
+    )
     if changed:
         raise InputError(
             f"--out {study.out}: holds results made with other inputs ({', '.join(changed)}); "
@@ -191,31 +250,30 @@ class Ledger:
     def __init__(self, study: Study, ranks: int, go_on: bool = False) -> None:
         self._out = study.out
         self._start = time.perf_counter()
+        self._study = study
         self._asked = [case.name for case in study.cases]
         conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
         for folder in (study.out, *(study.out / name for name in self._asked)):
             writers.remove_unfinished(folder)
-        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})["cases"]
+        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})
         self.to_solve = [
-            case for case in study.cases if not (go_on and _is_kept(study, case, earlier))
+            case for case in study.cases if not (go_on and _is_kept(study, case, earlier["cases"]))
         ]
+        inputs = study.inputs()
+        inputs["cases"] = earlier["inputs"].get("cases", {}) | inputs["cases"]
         self._content = {
             "program": "calfsocket",
             **conditions,
             "ranks": ranks,
-            "inputs": study.inputs(),
-            "laws": {
-                material_set: {
-                    tissue: {"law": law.name, **asdict(law)}
-                    for tissue, law in case_laws(Case("", material_set), study.settings).items()
-                }
-                for material_set in MATERIAL_SETS
-            },
+            "study": dict(study.origin),
+            "inputs": inputs,
+            "laws": laws_of_sets(study),
             "limb": study.limb.model_dump(mode="json"),
-            "sockets": study.sockets.model_dump(mode="json"),
+            "sockets": study.all_sockets.model_dump(mode="json", exclude_none=True),
             "finished": False,
             "seconds": 0.0,
-            "cases": earlier | {case.name: {"status": "running"} for case in self.to_solve},
+            "cases": earlier["cases"]
+            | {case.name: {**_about(case), "status": "running"} for case in self.to_solve},
         }
         self._write()
 
@@ -254,6 +312,9 @@ class Ledger:
         writers.write_json(self._out / RUN_FILE, self._content)
         with writers.replacing(self._out / CASES_FILE) as temporary:
             _cases_table(self._content["cases"]).to_csv(temporary, index=False)
+        if self._study.sweep:
+            status = {name: each["status"] for name, each in self._content["cases"].items()}
+            sweep_table.write(self._out, self._study.sweep, self._study.order, status)
         for name in self._asked:
             if self._content["cases"][name]["status"] == "solved":
                 # Its files hold all there is to know; one that failed may be gone on with.
@@ -352,9 +413,9 @@ def _run_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, An
     run = Run(
         farm.group,
         case,
-        study.settings,
+        study.settings_of(case),
         study.limb,
-        study.sockets.socket(case.socket),
+        study.socket(case),
         on_iteration=lambda load, k, norm: tell(f"iteration {k}, residual {norm:.1e} N/mm", load),
         on_step=on_step,
         on_milestone=on_milestone,
@@ -363,8 +424,7 @@ def _run_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, An
         study.out / case.name / CHECKPOINT_FILE,
         run.model,
         {
-            "case": case.key,
-            **study.inputs(),
+            **study.inputs_of(case),
             "versions": versions(),
             "petsc_options": PETSc.Options().getAll(),
         },
@@ -424,15 +484,39 @@ def _write_case(study: Study, case: Case, fields: SectionFields, line: ContactLi
     with writers.replacing(folder / "contact.csv") as temporary:
         contact.to_csv(temporary, index=False, float_format=writers.FLOAT_FORMAT)
     _merge(study, "contact.csv", contact)
-    _merge(
-        study,
-        "summary.csv",
-        outcomes.summary_rows(fields, line, case.socket, case.material_set),
-    )
+    summary = outcomes.summary_rows(fields, line, case.socket, case.material_set)
+    beyond = threshold_rows(fields, line, study.thresholds, case.socket, case.material_set)
+    _merge(study, "summary.csv", pd.concat([summary, beyond]) if len(beyond) else summary)
 
 
 def _merge(study: Study, name: str, rows: pd.DataFrame) -> None:
-    writers.merge_csv(study.out / name, rows, KEY, [case.key for case in all_cases(study.sockets)])
+    writers.merge_csv(study.out / name, rows, KEY, [case.key for case in study.order])
+
+
+def _about(case: Case) -> dict[str, Any]:
+    """Tell in a case's entry of run.json what it is."""
+    return {
+        "socket": case.socket,
+        "material_set": case.material_set,
+        "paper_set": case.paper_set,
+        "changes": dict(case.changes),
+    }
+
+
+def laws_of_sets(study: Study) -> dict[str, dict[str, dict[str, Any]]]:
+    """Laws of the paper's sets, and of those of the study's own: set -> tissue or region -> law."""
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for case in (*(Case("", name) for name in MATERIAL_SETS), *study.order):
+        if case.material_set in found:
+            continue
+        settings = study.settings_of(case)
+        regions = {region.name for region in study.limb.regions}
+        own = {name: law for name, law in settings.materials.items() if name in regions}
+        found[case.material_set] = {
+            name: {"law": law.name, **asdict(law)}
+            for name, law in {**own, **case_laws(case, settings)}.items()
+        }
+    return found
 
 
 def all_cases(sockets: Sockets) -> list[Case]:

@@ -1,4 +1,4 @@
-"""Units of stress as people write them, converted by pint; inside, a stress is MPa.
+"""Units as people write them, converted by pint; inside, a stress is MPa and a length mm.
 
 Decimal arithmetic, so that a number keeps its digits on the way to a file and back. Only units that
 a laboratory uses are allowed: pint would take mPa, a slip of the shift key, for a billionth of MPa.
@@ -60,6 +60,16 @@ class Dimension:
             raise ValueError(f"{text!r} is no number with a unit; write e.g. {example}")
         return float(Decimal(found[1]) * self.factor(found[2] or ""))
 
+    def json_schema(self, example: str) -> dict[str, object]:
+        """Describe such a text to an editor."""
+        units = "|".join(re.escape(unit) for unit in self.allowed)
+        return {
+            "type": "string",
+            "pattern": rf"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*({units})\s*$",
+            "description": f"a number with a unit: {', '.join(self.allowed)}",
+            "examples": [example],
+        }
+
     def text(self, value: float, unit: str) -> str:
         """Write a value of the internal unit in another unit, to its last digit."""
         number = (Decimal(repr(float(value))) / self.factor(unit)).normalize()
@@ -69,3 +79,6 @@ class Dimension:
 
 STRESS = Dimension("MPa", ("Pa", "kPa", "MPa", "GPa", "N/mm^2", "N/cm^2", "N/m^2", "mmHg"))
 COMPLIANCE = Dimension("1/MPa", ("1/Pa", "1/kPa", "1/MPa"))
+LENGTH = Dimension("mm", ("mm", "cm", "m", "um", "inch"))
+ANGLE = Dimension("deg", ("deg", "rad"))
+SHARE = Dimension("dimensionless", ("%",))

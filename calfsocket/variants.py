@@ -31,6 +31,9 @@ class Variant:
     changes: Mapping[str, Any]
 
 
+IN_FILE = {"fric_coeff": "friction"}
+"""Names that study files have for settings that are called otherwise here."""
+
 VARIANTS = (
     Variant("socket-held", {"socket_support": "outer-fixed"}),
     Variant("fascia-c10-tables", {"fascia_c10": "tables"}),
@@ -53,8 +56,24 @@ def studies(study: Study) -> list[Study]:
     for variant in VARIANTS:
         settings = _changed(study.settings, variant.changes)
         if settings != study.settings:
-            family.append(replace(study, settings=settings, out=out / variant.name))
+            family.append(
+                replace(
+                    study,
+                    settings=settings,
+                    out=out / variant.name,
+                    origin=_origin(study.origin, variant.changes),
+                )
+            )
     return family
+
+
+def _origin(origin: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Change the study file that a run.json holds as well, so that it repeats the variant."""
+    if not origin:
+        return {}
+    content = origin["content"]
+    model = {IN_FILE.get(key, key): value for key, value in changes.items()}
+    return {**origin, "content": {**content, "model": {**content.get("model", {}), **model}}}
 
 
 def _changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:

@@ -1,7 +1,7 @@
 """Work of the first rank alone, such as writing a file."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from calfsocket.errors import InputError
 
@@ -9,20 +9,27 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def on_first_rank(comm: "MPI.Intracomm", task: Callable[[], None]) -> None:
-    """Do something on rank 0 (collective).
+Value = TypeVar("Value")
+
+
+def on_first_rank(comm: "MPI.Intracomm", task: Callable[[], Value]) -> Value:
+    """Do something on rank 0, such as reading a file, and give all ranks what it returns.
+
+    Collective.
 
     Raises
     ------
     InputError
         On all ranks, where the task refuses the input.
     """
+    value: Value | None = None
     refusal: InputError | None = None
     if comm.rank == 0:
         try:
-            task()
+            value = task()
         except InputError as error:
             refusal = error
-    refusal = comm.bcast(refusal, root=0)
+    value, refusal = comm.bcast((value, refusal), root=0)
     if refusal is not None:
         raise refusal
+    return cast(Value, value)

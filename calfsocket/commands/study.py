@@ -1,22 +1,18 @@
 """The study: what runs without a command."""
 
 import argparse
-import logging
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calfsocket.commands import CASE_FAILED, OK, options
+from calfsocket.commands import options
 from calfsocket.commands.first_rank import on_first_rank
-from calfsocket.errors import InputError
+from calfsocket.commands.solving import add_running, check_ranks, solve
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from rich.console import Console
 
     from calfsocket.study import Study
-
-log = logging.getLogger("calfsocket")
 
 DESCRIPTION = """\
 What does a prosthetic socket do inside a leg?
@@ -35,6 +31,7 @@ examples:
   python3 -m calfsocket --size coarse --variants        what depends on choices of the model
   python3 -m calfsocket report results                  tables, figures and page again
   python3 -m calfsocket mesh --socket HS --out hs.msh   only a mesh, with a table of its quality
+  python3 -m calfsocket new my-study.toml               a study of one's own: an example to change
 
 results:
   summary.csv    largest stress and strain of each tissue, and contact pressure
@@ -80,101 +77,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="solve the study also with each choice that the paper leaves open changed (held "
         "socket, C10, friction 0, Ogden form), into DIR/variants/, and compare",
     )
-    how = parser.add_argument_group("how to run")
-    how.add_argument(
-        "--out", type=Path, default=Path("results"), metavar="DIR", help="default: %(default)s"
-    )
-    how.add_argument(
-        "--overwrite", action="store_true", help="replace results made with other settings"
-    )
-    how.add_argument(
-        "--resume",
-        action="store_true",
-        help="keep the cases that an earlier run into DIR has solved, and go on with those that "
-        "it had begun from their last equilibrium",
-    )
-    how.add_argument(
-        "--ranks-per-case",
-        type=int,
-        metavar="N",
-        help="ranks that solve one case together (default: cases side by side)",
-    )
-    how.add_argument("--no-pictures", action="store_true", help="do not draw the cases")
-    how.add_argument("--no-report", action="store_true", help="do not write the report at the end")
+    add_running(parser.add_argument_group("how to run"), Path("results"))
 
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-    """Solve the study, and its variants where they are wanted; write the report."""
-    from rich.console import Console
-
+    """Solve the study of the paper as the options change it, and its variants where wanted."""
     from calfsocket import variants
-    from calfsocket.report.writing import write_report
-    from calfsocket.study import attempt, check_folder, run_study
 
-    if arguments.resume and arguments.overwrite:
-        raise InputError("--resume, --overwrite: keep the results or replace them; give one")
-    study = _study(comm, arguments)
-    studies = variants.studies(study) if arguments.variants else [study]
-    for each in studies:
-        on_first_rank(comm, partial(check_folder, each, arguments.overwrite))
-    console = Console(stderr=True)
-    if comm.rank == 0:
-        _log_to(console)
-    solved = []
-    try:
-        for each in studies:
-            log.info("results go to %s", each.out)
-            solved.append(
-                run_study(comm, each, arguments.ranks_per_case, console, arguments.resume)
-            )
-    except KeyboardInterrupt as interrupt:
-        raise type(interrupt)(
-            f"interrupted; what is finished is whole in {arguments.out}, and the same command with "
-            "--resume goes on"
-        ) from None
-    if comm.rank == 0 and not arguments.no_report:
-        study = studies[0]  # the base, where there are variants: its page compares them
-        with attempt(f"no report in {study.out}"):
-            log.info("report: %s", write_report(study.out))
-    return OK if all(solved) else CASE_FAILED
+    check_ranks(comm, arguments.ranks_per_case)
+    study = on_first_rank(comm, lambda: _study(arguments))
+    return solve(comm, variants.studies(study) if arguments.variants else [study], arguments)
 
 
-def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> "Study":
+def _study(arguments: argparse.Namespace) -> "Study":
     """Return what was asked for."""
-    from calfsocket.case import Case, Settings
-    from calfsocket.meshes.data import load_limb, load_sockets
-    from calfsocket.study import MATERIAL_SETS, Study, select
+    from calfsocket.study import MATERIAL_SETS, select
+    from calfsocket.studyfile.build import to_study
+    from calfsocket.studyfile.reading import paper_study
 
-    if arguments.ranks_per_case is not None and not 1 <= arguments.ranks_per_case <= comm.size:
-        raise InputError(
-            f"--ranks-per-case: {arguments.ranks_per_case}; give 1 to {comm.size}, the number of "
-            "ranks that mpirun started"
-        )
-    sockets = load_sockets()
-    chosen = select(arguments.sockets.split(","), list(sockets.sockets), "--sockets")
+    paper = paper_study()
+    sockets = select(arguments.sockets.split(","), list(paper.reference.sockets), "--sockets")
     sets: list[Any] = select(arguments.materials.split(","), MATERIAL_SETS, "--materials")
-    return Study(
-        cases=tuple(Case(socket, name) for socket in chosen for name in sets),
-        settings=Settings(
-            socket_support=arguments.socket_support,
-            ogden_form=arguments.ogden_form,
-            **options.model_settings(arguments, sets),
-        ),
-        limb=load_limb(),
-        sockets=sockets,
-        out=arguments.out,
-        pictures=not arguments.no_pictures,
+    shared = options.model_settings(arguments, sets)  # refuses what is wrong, by its option
+    model = {
+        "size": shared["size"],
+        "friction": shared["contact"].fric_coeff,
+        "socket_support": arguments.socket_support,
+        "fascia_c10": shared["fascia_c10"],
+        "ogden_form": arguments.ogden_form,
+    }
+    laws = dict(word.split("=", 1) for word in arguments.material)
+    content = {
+        **paper.content,
+        "model": {**paper.content["model"], **model},
+        "laws": {tissue: {"file": str(Path(file).absolute())} for tissue, file in laws.items()},
+    }
+    file = replace(paper, content=content)
+    return to_study(
+        file,
+        file.plan(),
+        arguments.out,
+        not arguments.no_pictures,
+        only=[f"{socket}_{name}" for socket in sockets for name in sets],
     )
-
-
-def _log_to(console: "Console") -> None:
-    """Show what the study tells of itself, and warnings of all packages."""
-    from rich.logging import RichHandler
-
-    if console.is_terminal:
-        handler: logging.Handler = RichHandler(console=console, show_path=False)
-    else:
-        handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler])
-    log.setLevel(logging.INFO)

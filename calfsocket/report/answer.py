@@ -20,6 +20,9 @@ SECTORS = (
 )  # fmt: skip
 """Eighths of the turn about the section's origin, counter-clockwise from +x; a right leg."""
 
+MOST_NAMED = 4
+"""Sockets that one sentence names."""
+
 
 @dataclass(frozen=True)
 class Line:
@@ -49,7 +52,7 @@ def answer(
     thresholds : Thresholds, optional
         Damage thresholds, the paper's by default.
     """
-    changes = relative_changes(results)
+    changes = relative_changes(results.of_paper or results)
     lines = [_contact(results), *(_tissue(results, tissue) for tissue in SUMMARY_TISSUES)]
     if len(changes):
         lines += [_merging_and_pressure(changes), _merging_and_tissues(results, changes)]
@@ -75,17 +78,35 @@ def _contact(results: Results) -> Line:
         (results.summary.material_set == material_set)
         & (results.summary.outcome == "contact_pressure_max")
     ]
-    means = [
-        number(results.value(socket, material_set, "skin", "contact_pressure_mean"))
-        for socket in peaks.socket
-    ]
+    means = pd.Series(
+        {
+            socket: results.value(socket, material_set, "skin", "contact_pressure_mean")
+            for socket in peaks.socket
+        }
+    )
+    if len(peaks) > MOST_NAMED:
+        return _contact_of_many(peaks, means, material_set)
     largest = [
         f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
     ]
+    average = _and(means.map(number))
     return Line(
         "Contact pressure",
-        f"On average {_and(means)} kPa in {_and(peaks.socket)}; at most {_and(largest)} "
-        f"({names.SETS[material_set]} set; the leg bears no weight).",
+        f"On average {average} kPa in {_and(peaks.socket)}; at most {_and(largest)} "
+        f"({names.material_set(material_set)} set; the leg bears no weight).",
+    )
+
+
+def _contact_of_many(peaks: pd.DataFrame, means: pd.Series, material_set: str) -> Line:
+    """Say the range over sockets that are too many to name."""
+    lowest, highest = means.idxmin(), means.idxmax()
+    worst = peaks.loc[peaks.value.idxmax()]
+    return Line(
+        "Contact pressure",
+        f"On average {number(means[lowest])} kPa in {lowest} to {number(means[highest])} kPa in "
+        f"{highest}, of {len(peaks)} sockets; at most {number(worst.value)} kPa in {worst.socket} "
+        f"({sector(worst.x_mm, worst.y_mm)}) ({names.material_set(material_set)} set; the leg "
+        "bears no weight).",
     )
 
 
@@ -166,7 +187,7 @@ def _damage(results: Results, thresholds: Thresholds) -> Line:
         rows = table[(table.tissue == tissue) & (table.outcome == outcome)]
         what = f"{limit:g} % {names.OUTCOMES[outcome]} in {names.TISSUES[tissue]}"
         beyond = [
-            f"{row.socket} {names.SETS[row.material_set]} ({number(row.level_pct)} %, "
+            f"{row.socket} {names.material_set(row.material_set)} ({number(row.level_pct)} %, "
             f"{number(row.area_share_pct)} % of the tissue)"
             for row in rows[rows.level_pct > limit].itertuples()
         ]
@@ -187,7 +208,8 @@ def _trust(results: Results, board: pd.DataFrame) -> Line:
         text = "Every result is a stable equilibrium (no negative modes)."
     tally = counts(board)
     claims = _and(f"{tally[verdict]} {does}" for verdict, does in PLURAL.items())
-    text += f" Of the paper's {len(board)} claims {claims}."
+    if len(board):
+        text += f" Of the paper's {len(board)} claims {claims}."
     ratio = comparison.maxima(results).ratio
     if ratio.notna().any():
         low, middle, high = (number(ratio.quantile(share)) for share in (0.25, 0.5, 0.75))

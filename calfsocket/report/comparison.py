@@ -90,7 +90,9 @@ def maxima(results: Results) -> pd.DataFrame:
                 "note": row.note,
             }
         )
-    return pd.DataFrame(rows)
+    columns = ["tissue", "outcome", "socket", "material_set", "unit"]
+    columns += ["ours", "paper", "ratio", "sign_flip", "note"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def changes(results: Results, ours: pd.DataFrame | None = None) -> pd.DataFrame:

@@ -8,6 +8,9 @@ from calfsocket.report import names
 from calfsocket.report.results import Results
 from calfsocket.report.table import Table, number
 
+MOST_NAMED = 4
+"""Sockets that the summary names."""
+
 SETTINGS = {
     "size": "mesh size",
     "socket_support": "socket support",
@@ -38,6 +41,8 @@ def summary(results: Results) -> str:
     runs = "; ".join(
         f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
     )
+    if len(results.sockets) > MOST_NAMED:
+        runs = f"{len(results.cases)} cases"
     return (
         f"{runs}. Mesh “{settings['size']}”, socket "
         f"{settings['socket_support'].replace('-', ' ')}, friction "
@@ -55,7 +60,11 @@ def warnings(results: Results) -> list[str]:
 
 
 def _sets(results: Results, socket: str) -> list[str]:
-    return [names.SETS[name] for name in results.material_sets if (socket, name) in results.cases]
+    return [
+        names.material_set(name)
+        for name in results.material_sets
+        if (socket, name) in results.cases
+    ]
 
 
 def _cases(results: Results) -> Table:
@@ -67,14 +76,20 @@ def _cases(results: Results) -> Table:
                 "socket": socket,
                 "material_set": material_set,
                 **{
-                    key: value for key, value in entry.items() if not isinstance(value, dict | list)
+                    key: value
+                    for key, value in entry.items()
+                    if not isinstance(value, dict | list) and key != "paper_set"
                 },
+                "own": ", ".join(
+                    f"{key} = {value}" for key, value in entry.get("changes", {}).items()
+                ),
                 "seconds": sum(entry.get("seconds", {}).values()),
             }
             for (socket, material_set), entry in zip(results.cases, entries, strict=True)
         ]
     )
     columns = {
+        "changed": ("own", str),
         "triangles": ("cells", str),
         "unknowns": ("unknowns", str),
         "load steps": ("steps", str),
@@ -87,10 +102,12 @@ def _cases(results: Results) -> Table:
         "negative modes": ("negative_modes", str),
         "seconds": ("seconds", number),
     }
+    if not (data.own != "").any():
+        data = data.drop(columns="own")
     shown = pd.DataFrame(
         {label: data[key].map(text) for label, (key, text) in columns.items() if key in data}
     )
-    sets = [names.SETS[name] for name in data.material_set]
+    sets = [names.material_set(name) for name in data.material_set]
     shown.index = pd.Index([f"{s} {m}" for s, m in zip(data.socket, sets, strict=True)])
     return Table(
         "cases",
@@ -108,7 +125,9 @@ def _settings(results: Results) -> Table:
     flat = _flat(results.run["inputs"]["settings"])
     data = pd.DataFrame({"setting": list(flat), "value": [_text(flat[key]) for key in flat]})
     shown = data.set_index(data.setting.map(lambda key: SETTINGS.get(key, key)))[["value"]]
-    return Table("settings", "Settings", "Shared by all runs.", data, shown)
+    return Table(
+        "settings", "Settings", "Shared by all runs, but for what is changed in some.", data, shown
+    )
 
 
 def _versions(results: Results) -> Table:

@@ -23,6 +23,13 @@ SITES = {
     "max_both": "of the maxima",
 }
 SETS = {"separate": "Separate", "combined": "Combined"}
+SOCKETS = ("TC", "TSB", "HS")
+"""Sockets of the paper; others are a study's own."""
+
+
+def material_set(name: str) -> str:
+    """Name of a material set: the paper's with a capital, others as they are called."""
+    return SETS.get(name, name)
 
 
 def region(name: str) -> str:

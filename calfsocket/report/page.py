@@ -48,7 +48,13 @@ CHAPTERS = (
         "A transverse section of a calf in plane strain, pressed by a socket that is smaller than "
         "the limb. In the Separate set every tissue has its own law; in the Combined set muscle "
         "and fascia share one.",
-        ("1", "2", "table1", "3", "calibration"),
+        ("1", "2", "table1", "laws", "3", "calibration"),
+    ),
+    Chapter(
+        "cases-side-by-side",
+        "The cases side by side",
+        "",
+        ("sweep", "maxima"),
     ),
     Chapter(
         "stress",
@@ -74,7 +80,7 @@ CHAPTERS = (
         ("5", "5b", "6", "table3", "8", "table5"),
     ),
     Chapter("contact", "Contact pressure", "", ("9", "pressure")),
-    Chapter("damage-risk", "Damage thresholds", "", ("damage",)),
+    Chapter("damage-risk", "Damage thresholds", "", ("thresholds", "damage")),
     Chapter("agreement-with-paper", "Agreement with the paper", "", ("agreement",)),
     Chapter(
         "choices",
@@ -114,7 +120,7 @@ def write_page(
     }
     content |= {table.name: {"html": Markup(table.html()), "name": table.name} for table in tables}
     warnings = method.warnings(results)
-    if why_no_calibration is not None:
+    if why_no_calibration is not None and results.of_paper is not None:
         missing = f"Figure 3 {why_no_calibration}."
         if not isinstance(why_no_calibration, NoCalibration):
             missing = f"The calibration, figure 3, is left out: {why_no_calibration}."
@@ -134,8 +140,10 @@ def write_page(
     text = environment.get_template("report.html").render(
         style=Markup(read_template("report.css")),
         version=calfsocket.__version__,
+        title=_title(results),
         sockets=[
-            f"{name} {drawing.SOCKET_NAMES.get(name, '')}".strip() for name in results.sockets
+            f"{name} {drawing.SOCKET_NAMES.get(name, '')}".strip()
+            for name in results.sockets[: method.MOST_NAMED]
         ],
         summary=method.summary(results),
         warnings=warnings,
@@ -153,6 +161,12 @@ def write_page(
     with writers.replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
+
+
+def _title(results: Results) -> str:
+    """Give the title that the study file has, or the paper's question."""
+    content = results.run.get("study", {}).get("content", {})
+    return content.get("study", {}).get("title") or "What a prosthetic socket does inside a calf"
 
 
 def _part(section: str) -> str:

@@ -1,7 +1,7 @@
 """The results of a study, read back from its folder."""
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from calfsocket.contact_line import ContactLine
 from calfsocket.errors import InputError
 from calfsocket.outcomes import CellOutcomes, Neighbours, cell_outcomes, neighbours
 from calfsocket.report.calibration import Calibration, read_calibration
+from calfsocket.report.names import SOCKETS
 from calfsocket.section_fields import TISSUES, SectionFields
 from calfsocket.writers import FIELDS_FILE, read_fields
 
@@ -26,6 +27,8 @@ CONTACT_FILE = "contact.csv"
 VARIANTS_FOLDER = "variants"
 
 MATERIAL_SETS = ("separate", "combined")
+PAPER = tuple((socket, name) for socket in SOCKETS for name in MATERIAL_SETS)
+"""The paper's six cases."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,28 @@ class Results:
         is_variant = folder.parent.name == VARIANTS_FOLDER
         return read_calibration(folder.parents[1] if is_variant else self.folder)
 
+    @cached_property
+    def of_paper(self) -> "Results | None":
+        """These results without cases that are not the paper's; None where no other is solved."""
+        cases = tuple(key for key in self.cases if is_of_paper(key))
+        if not cases or cases == self.cases:
+            return self if cases else None
+        return replace(
+            self,
+            summary=_only(self.summary, cases),
+            contact=_only(self.contact, cases),
+            sockets=tuple(dict.fromkeys(socket for socket, _ in cases)),
+            material_sets=tuple(
+                name for name in self.material_sets if any(key[1] == name for key in cases)
+            ),
+            cases=cases,
+            left_out={
+                name: why
+                for name, why in self.left_out.items()
+                if name in {"_".join(key) for key in PAPER}
+            },
+        )
+
     def complete(self, socket: str) -> bool:
         """Whether both material sets of a socket are solved."""
         return all((socket, name) in self.cases for name in MATERIAL_SETS)
@@ -130,8 +155,7 @@ def read_results(folder: Path) -> Results:
     folder = Path(folder)
     run = _read_run(folder / RUN_FILE)
     entries = run["cases"]
-    order = [(socket, name) for socket in run["sockets"]["sockets"] for name in MATERIAL_SETS]
-    known = [key for key in order if _name(key) in entries]
+    known = _order(run)
     solved = tuple(key for key in known if entries[_name(key)]["status"] == "solved")
     left_out = {
         _name(key): entries[_name(key)].get("message") or "not finished"
@@ -156,11 +180,31 @@ def read_results(folder: Path) -> Results:
         contact=_only(tables[CONTACT_FILE], solved),
         sockets=tuple(dict.fromkeys(socket for socket, _ in solved)),
         material_sets=tuple(
-            name for name in MATERIAL_SETS if any(key[1] == name for key in solved)
+            name
+            for name in dict.fromkeys(key[1] for key in known)
+            if any(key[1] == name for key in solved)
         ),
         cases=solved,
         left_out=left_out,
     )
+
+
+def is_of_paper(key: tuple[str, str]) -> bool:
+    """Tell whether a case is one of the paper's six, by its names, which no other may have."""
+    return key in PAPER
+
+
+def _order(run: dict[str, Any]) -> list[tuple[str, str]]:
+    """Socket and material set of every case of a run, in the order of the study."""
+    entries = run["cases"]
+    names = dict.fromkeys((*run["inputs"].get("cases", ()), *map("_".join, PAPER), *entries))
+    found = []
+    for name in names:
+        if name in entries:
+            socket, _, material_set = name.rpartition("_")
+            entry = entries[name]
+            found.append((entry.get("socket", socket), entry.get("material_set", material_set)))
+    return found
 
 
 def of_case(table: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:

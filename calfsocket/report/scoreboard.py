@@ -25,7 +25,8 @@ def scoreboard(results: Results, thresholds: Thresholds | None = None) -> pd.Dat
     Parameters
     ----------
     results : Results
-        Of a study; claims that need cases it does not have cannot be checked.
+        Of a study; only the paper's cases count; claims that need others of them
+        cannot be checked, and a study of none has no row.
     thresholds : Thresholds, optional
         Damage thresholds, the paper's by default.
 
@@ -36,8 +37,11 @@ def scoreboard(results: Results, thresholds: Thresholds | None = None) -> pd.Dat
         paper (numbers in words), why (one line, where it does not hold or cannot be checked),
         own_tables (whether the paper's own tables agree with its text) and note (on that).
     """
-    evidence = Evidence(results, thresholds or Thresholds())
     board = published.claims().copy()
+    paper = results.of_paper
+    if paper is None:
+        board = board.iloc[:0]
+    evidence = Evidence(paper or results, thresholds or Thresholds())
     found = [_check(identifier, evidence) for identifier in board.id]
     place = list(board.columns).index("own_tables")
     for offset, column in enumerate(("verdict", "ours", "paper", "why")):

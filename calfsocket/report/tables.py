@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.report import comparison, names, published
+from calfsocket.report import own as own_tables
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import Thresholds, damage
 from calfsocket.report.results import Results
@@ -36,17 +37,23 @@ def build(results: Results, thresholds: Thresholds | None = None) -> list[Table]
     Returns
     -------
     list of Table
-        table1 to table5, agreement, pressure, damage, in this order.
+        table1 to table5, agreement, pressure, damage, in this order, where cases are the paper's;
+        then those of `own`.
     """
-    ours = relative_changes(results)
-    maxima, changes = comparison.maxima(results), comparison.changes(results, ours)
-    tables = [_materials(results), _maxima(2, "largest stresses, kPa", maxima, STRESSES)]
+    own = own_tables.build(results)
+    damaged = _damage(results, thresholds)
+    paper = results.of_paper
+    if paper is None:
+        return [*own, damaged]
+    ours = relative_changes(paper)
+    maxima, changes = comparison.maxima(paper), comparison.changes(paper, ours)
+    tables = [_materials(paper), _maxima(2, "largest stresses, kPa", maxima, STRESSES)]
     if len(changes):
         tables.append(_changes(3, "relative change of stresses, %", changes, STRESSES))
     tables.append(_maxima(4, "largest logarithmic strains, %", maxima, STRAINS))
     if len(changes):
         tables.append(_changes(5, "relative change of strains, %", changes, STRAINS))
-    return [*tables, _agreement(maxima), _pressure(results, ours), _damage(results, thresholds)]
+    return [*tables, _agreement(maxima), _pressure(paper, ours), damaged, *own]
 
 
 def write(results: Results, tables: Sequence[Table]) -> Path:
@@ -118,7 +125,7 @@ def _agreement(maxima: pd.DataFrame) -> Table:
     shown = pd.DataFrame(
         {
             "tissue": data.tissue.map(names.TISSUES),
-            "set": data.material_set.map(names.SETS),
+            "set": data.material_set.map(names.material_set),
             "cells": data.cells.map(str),
             "median ratio": data.median_ratio.map(number),
             "worst ratio": data.worst_ratio.map(number),
@@ -228,7 +235,12 @@ def _readable(data: pd.DataFrame) -> pd.DataFrame:
         "site": names.SITES,
         "material_set": names.SETS,
     }
-    return data.assign(**{key: data[key].map(words[key]) for key in words.keys() & set(data)})
+    return data.assign(
+        **{
+            key: data[key].map(lambda name, known=words[key]: known.get(name, name))
+            for key in words.keys() & set(data)
+        }
+    )
 
 
 def _marks(data: pd.DataFrame) -> list[str]:

@@ -49,7 +49,7 @@ def write_report(folder: Path, thresholds: Thresholds | None = None) -> Path:
     if folder.resolve().match(f"{VARIANTS_FOLDER}/{variants.BASE}"):
         made += variants.build(variants.read_variants(folder.resolve().parents[1]), thresholds)
     board = scoreboard.scoreboard(results, thresholds)
-    tables.write(results, [*made, scoreboard.table(board)])
+    tables.write(results, [*made, scoreboard.table(board)] if len(board) else made)
     return write_page(
         results, answer(results, board, thresholds), figures, made, board, why_no_calibration
     )

@@ -13,10 +13,9 @@ from calfsocket.meshes.sockets import socket_faces
 from calfsocket.report import comparison
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import Thresholds, damage
-from calfsocket.report.names import SETS
+from calfsocket.report.names import SETS, SOCKETS
 from calfsocket.report.results import MATERIAL_SETS, Results, SolvedCase
 
-SOCKETS = ("TC", "TSB", "HS")
 SOFT_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
 STRESSES = ("effective_stress", "shear_stress")
 STRAINS = ("amp_log_strain", "shear_log_strain")
@@ -50,8 +49,10 @@ class Evidence:
 
     @cached_property
     def sockets(self) -> Sockets:
-        """The sockets as meshed, all of the file."""
-        return Sockets.model_validate(self.results.run["sockets"])
+        """The paper's sockets as meshed, all of the file."""
+        every = Sockets.model_validate(self.results.run["sockets"])
+        own = {name: shape for name, shape in every.sockets.items() if name in SOCKETS}
+        return every.model_copy(update={"sockets": own})
 
     @cached_property
     def skin(self) -> ClosedCurve:

@@ -22,7 +22,7 @@ class Plan(Heading):
     draw
         Draws it.
     compares
-        Whether it needs a socket that is solved with both material sets.
+        Whether it needs a socket of the paper that is solved with both material sets.
     """
 
     draw: Callable[[Results], Figure]
@@ -120,12 +120,14 @@ PLANS = (
 def draw_figures(results: Results) -> list[Drawn]:
     """Draw every figure that the solved cases allow into the results' folder of figures."""
     folder = results.folder / FOLDER
-    both = any(results.complete(socket) for socket in results.sockets)
+    paper = results.of_paper
+    both = paper and any(paper.complete(socket) for socket in paper.sockets)
     drawn = []
     for plan in PLANS:
         if plan.compares and not both:
             continue
         with type_set():
-            png, pdf = save(plan.draw(results), folder, plan.name)
+            figure = plan.draw(paper if plan.compares and paper else results)
+            png, pdf = save(figure, folder, plan.name)
         drawn.append(Drawn(plan, png, pdf))
     return drawn

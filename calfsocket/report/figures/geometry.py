@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calfsocket import drawing
-from calfsocket.report.figures.panels import LARGEST_PANEL_MM, TOP_MM, window_around
+from calfsocket.report.figures.panels import (
+    LARGEST_PANEL_MM,
+    abreast,
+    tell_hidden,
+    title_mm,
+    window_around,
+)
 from calfsocket.report.figures.style import (
     WIDTH_MM,
     add_axes,
@@ -130,21 +136,28 @@ def overlays(results: Results) -> Figure:
     """Draw the limb and each socket before contact, and where they overlap."""
     section = {socket: results.fields(socket, name) for socket, name in reversed(results.cases)}
     window = window_around(*(fields.points for fields in section.values()), margin_mm=1.0)
-    width = min(WIDTH_MM / len(section), LARGEST_PANEL_MM)
+    blocks = abreast(results.sockets)
+    width = min(WIDTH_MM / max(map(len, blocks)), LARGEST_PANEL_MM)
     height = width * (window[3] - window[2]) / (window[1] - window[0])
-    bottom = 22.0
-    figure = new_figure(TOP_MM + height + bottom)
-    for j, socket in enumerate(results.sockets):
-        axes = add_axes(figure, j * width, bottom, width, height)
-        drawing.frame(axes, window)
-        axes.set_title(socket_title(socket), pad=3)
-        lost = _draw_overlay(axes, section[socket])
-        axes.text(
-            0.5, -0.01, f"encloses {lost:.2f} % less area", transform=axes.transAxes,
-            ha="center", va="top", fontsize=7,
-        )  # fmt: skip
-        if j == 0:
-            drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
+    below, key = 4.0, 18.0
+    total = sum(map(title_mm, blocks)) + len(blocks) * (height + below) + key
+    figure = new_figure(total)
+    bottom = total
+    for block in blocks:
+        bottom -= title_mm(block) + height
+        for j, socket in enumerate(block):
+            axes = add_axes(figure, j * width, bottom, width, height)
+            drawing.frame(axes, window)
+            axes.set_title(socket_title(socket), pad=3)
+            lost = _draw_overlay(axes, section[socket])
+            axes.text(
+                0.5, -0.01, f"encloses {lost:.2f} % less area", transform=axes.transAxes,
+                ha="center", va="top", fontsize=7,
+            )  # fmt: skip
+            if j == 0 and block is blocks[-1]:
+                drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
+        bottom -= below
+    tell_hidden(figure, results)
     areas = [
         Patch(color=LIMB, label="limb"),
         Patch(color=BONE_DARK, label="bone"),

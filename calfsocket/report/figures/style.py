@@ -21,8 +21,6 @@ INCH_MM = 25.4
 SOCKET_COLOURS = {"TC": "#e69f00", "TSB": "#56b4e9", "HS": "#1b4f72"}
 OTHER_SOCKET = "#777777"
 
-SET_NAMES = {"separate": "Separate", "combined": "Combined"}
-
 TYPE = {
     "font.family": "DejaVu Sans",
     "font.size": 7.5,
@@ -53,8 +51,10 @@ def new_figure(height: float) -> Figure:
 
 
 def socket_title(socket: str) -> str:
-    """Name a socket by its abbreviation and, where it is the paper's, in words."""
-    return f"{socket}, {SOCKET_NAMES[socket]}" if socket in SOCKET_NAMES else socket
+    """Name a socket: the paper's also in words, others with what is changed on lines below."""
+    if socket in SOCKET_NAMES:
+        return f"{socket}, {SOCKET_NAMES[socket]}"
+    return socket.replace("@", "\n").replace(",", "\n")
 
 
 def height_mm(figure: Figure) -> float:

@@ -1,0 +1,56 @@
+"""The command ``new``: an example of a study file."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands import OK
+from calfsocket.commands.first_rank import on_first_rank
+from calfsocket.errors import InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+HELP = "write an example of a study file, to change"
+DESCRIPTION = "Write a study file with comments on all that may stand in it."
+EPILOG = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "file",
+        type=Path,
+        nargs="?",
+        default=Path("study.toml"),
+        metavar="FILE",
+        help="default: %(default)s",
+    )
+
+
+def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    """Write it, and print where."""
+    on_first_rank(comm, lambda: write(arguments.file))
+    return OK
+
+
+def write(path: Path) -> None:
+    """Write the example; never over a file that is there.
+
+    Raises
+    ------
+    InputError
+        When it cannot be written.
+    """
+    from calfsocket.studyfile.reading import example
+
+    if path.suffix != ".toml":
+        raise InputError(f"new: {path}; give a name that ends in .toml")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(example())
+    except FileExistsError:
+        raise InputError(f"new: {path} is there already; name another file") from None
+    except OSError as error:
+        raise InputError(f"new: {path}: {error.strerror}; name another file") from None
+    print(path)

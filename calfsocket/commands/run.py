@@ -1,0 +1,61 @@
+"""The command ``run``: a study of one's own, or an earlier run again."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands.first_rank import on_first_rank
+from calfsocket.commands.solving import add_running, check_ranks, solve
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mpi4py import MPI
+
+    from calfsocket.study import Study
+
+HELP = "solve the study of a file"
+DESCRIPTION = """\
+Solve the cases of a study file, side by side on the ranks that mpirun starts; or solve those of an
+earlier run again, from its run.json, which holds all that they were made of.
+"""
+EPILOG = """\
+examples:
+  python3 -m calfsocket new my-study.toml
+  python3 -m calfsocket check my-study.toml
+  mpirun -n 2 python3 -m calfsocket run my-study.toml
+  python3 -m calfsocket run results/run.json --out again
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("file", type=Path, metavar="FILE", help="study file, or a run.json")
+    add_running(parser, None)
+
+
+def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
+    """Solve it."""
+    from calfsocket.studyfile.build import to_study
+    from calfsocket.studyfile.reading import read_study
+
+    check_ranks(comm, arguments.ranks_per_case)
+
+    def read() -> "tuple[Study, Mapping[str, str]]":
+        file = read_study(arguments.file)
+        study = to_study(file, file.plan(), arguments.out, not arguments.no_pictures)
+        return study, file.petsc_options
+
+    study, petsc_options = on_first_rank(comm, read)
+    set_options(petsc_options)
+    return solve(comm, [study], arguments)
+
+
+def set_options(petsc_options: "Mapping[str, str]") -> None:
+    """Give PETSc the options of an earlier run, unless they are given anew."""
+    from petsc4py import PETSc
+
+    known = PETSc.Options()
+    for name, value in petsc_options.items():
+        if name.startswith("calfsocket_") and not known.hasName(name):
+            known.setValue(name, value)

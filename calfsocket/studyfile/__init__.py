@@ -1,0 +1,1 @@
+"""Study files: cases of one's own as TOML, checked before anything is solved."""

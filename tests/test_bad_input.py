@@ -1,0 +1,421 @@
+"""Study files that cannot be used: each gets one line, exit code 2, and nothing is written."""
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from calfsocket import cli
+from reliability import Trial
+
+TITLE = "Study files"
+INTRO = "`check`, `run` and `show` say the same of a study file that cannot be used."
+
+GOOD = """
+[study]
+sockets = ["TC", "mine"]
+materials = ["separate", "soft"]
+[model]
+size = "coarse"
+[sockets.mine]
+like = "HS"
+area_reduction = "4 %"
+[materials.soft]
+fat = { law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }
+"""
+TWO_LISTS = '[study]\nsockets = ["TC"]\nmaterials = ["separate"]\n'
+INCOMPRESSIBLE = "\n".join(
+    f'{tissue} = {{ law = "yeoh", c10 = "1 kPa" }}'
+    for tissue in ("skin", "fat", "muscle", "fascia", "vessel")
+)
+
+Make = Callable[[Path], Sequence[str]]
+"""Makes a trial in a folder; returns the words of its command line."""
+
+
+def edited(old: str, new: str) -> str:
+    """Give the good file with one thing changed."""
+    assert GOOD.count(old) == 1
+    return GOOD.replace(old, new)
+
+
+def socket(text: str) -> str:
+    """Give a file with one socket of one's own."""
+    return f'[study]\nsockets = ["mine"]\nmaterials = ["separate"]\n[sockets.mine]\n{text}\n'
+
+
+def fat(text: str) -> str:
+    """Give the good file with another law of fat."""
+    return edited('{ law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }', text)
+
+
+def a_folder(folder: Path) -> Sequence[str]:
+    return ["check", str(folder)]
+
+
+def a_pipe(folder: Path) -> Sequence[str]:
+    os.mkfifo(folder / "study.toml")  # to read it would wait for ever
+    return ["check", str(folder / "study.toml")]
+
+
+def a_device(folder: Path) -> Sequence[str]:
+    return ["check", "/dev/zero"]
+
+
+def a_huge_file(folder: Path) -> Sequence[str]:
+    path = folder / "study.toml"
+    with path.open("wb") as file:
+        file.truncate(10**9)
+    return ["check", str(path)]
+
+
+def a_pipe_for_a_material(folder: Path) -> Sequence[str]:
+    os.mkfifo(folder / "fat.toml")
+    return written(folder, fat('{ file = "fat.toml" }'))
+
+
+def a_binary_material(folder: Path) -> Sequence[str]:
+    (folder / "fat.toml").write_bytes(bytes(range(256)))
+    return written(folder, fat('{ file = "fat.toml" }'))
+
+
+def a_material_with_a_wrong_unit(folder: Path) -> Sequence[str]:
+    (folder / "fat.toml").write_text('law = "hencky"\ne = "3 kilo"\nnu = 0.4\n')
+    return written(folder, fat('{ file = "fat.toml" }'))
+
+
+def an_outline_that_is_no_drawing(folder: Path) -> Sequence[str]:
+    (folder / "inner.pdf").write_text("%PDF")
+    return written(folder, socket('outline = "inner.pdf"'))
+
+
+def a_broken_run(folder: Path) -> Sequence[str]:
+    (folder / "run.json").write_text('{"program": "calfsocket", ')
+    return ["run", str(folder / "run.json")]
+
+
+def another_json(folder: Path) -> Sequence[str]:
+    (folder / "run.json").write_text(json.dumps({"cases": []}))
+    return ["run", str(folder / "run.json")]
+
+
+def a_run_of_changed_cases(folder: Path) -> Sequence[str]:
+    from calfsocket.meshes.data import load_limb, load_sockets
+
+    run = {
+        "study": {"content": {"study": {"sockets": ["TC"], "materials": ["separate"]}}},
+        "limb": load_limb().model_dump(mode="json"),
+        "sockets": load_sockets().model_dump(mode="json"),
+        "petsc_options": {},
+        "cases": {"HS_separate": {}},
+    }
+    run["study"] |= {"files": {}, "sha256": {}}
+    (folder / "run.json").write_text(json.dumps(run))
+    return ["run", str(folder / "run.json")]
+
+
+def a_folder_that_cannot_be_made(folder: Path) -> Sequence[str]:
+    written(folder, TWO_LISTS)
+    return ["run", str(folder / "study.toml"), "--out", "/proc/calfsocket"]
+
+
+def a_file_in_the_place_of_the_folder(folder: Path) -> Sequence[str]:
+    written(folder, TWO_LISTS)
+    (folder / "results").write_text("")
+    return ["run", str(folder / "study.toml"), "--out", str(folder / "results")]
+
+
+def a_new_file_over_an_old_one(folder: Path) -> Sequence[str]:
+    (folder / "study.toml").write_text("")
+    return ["new", str(folder / "study.toml")]
+
+
+def a_new_file_with_another_ending(folder: Path) -> Sequence[str]:
+    return ["new", str(folder / "study.txt")]
+
+
+def a_picture_with_another_ending(folder: Path) -> Sequence[str]:
+    written(folder, TWO_LISTS)
+    return ["show", str(folder / "study.toml"), "--out", str(folder / "study.pdf")]
+
+
+TRIALS = (
+    # The file as a whole
+    Trial("no such file", lambda folder: ["check", str(folder / "no.toml")],
+          ("no.toml", "No such")),
+    Trial("a folder", a_folder, ("is no file",)),
+    Trial("a pipe that nobody writes to", a_pipe, ("study.toml", "is no file")),
+    Trial("a device without an end", a_device, ("/dev/zero", "is no file")),
+    Trial("a file of 1 GB", a_huge_file, ("1000 MB", "at most")),
+    Trial("an empty file", "", ("is empty", "`new`")),
+    Trial("a binary file", bytes(range(256)), ("UTF-8",)),
+    Trial("text that is no TOML", "sockets: [TC]", ("is no TOML", "line 1")),
+    Trial("a key twice", TWO_LISTS + "sockets = []\n", ("is no TOML", "line 4")),
+    Trial("tables nested 10 000 deep", "a = " + "[" * 10000, ("nested too deeply",)),
+    Trial("a number of 10 000 digits", "a = " + "9" * 10000, ("is no TOML",)),
+    # Keys
+    Trial("an unknown table", GOOD + "[modle]\n", ("unknown key 'modle'", "'model'")),
+    Trial("an unknown key", edited("size", "sise"), ("model: unknown key 'sise'", "'size'")),
+    Trial(
+        "an unknown key of a socket",
+        edited("area_reduction", "area_reducton"),
+        ("sockets.mine: unknown key 'area_reducton'", "'area_reduction'"),
+    ),
+    Trial(
+        "an unknown key of a law",
+        fat('{ law = "hencky", e = "1 kPa", nu = 0.4, K = 3 }'),
+        ("materials.soft.fat: unknown key 'K'", "nu"),
+    ),
+    Trial("a table where a number belongs", GOOD.replace('"coarse"', "{ a = 1 }"), ("model.size",)),
+    Trial("a value where a table belongs", 'study = "mine"', ("study: is 'mine'",)),
+    # Cases
+    Trial("no case", "[study]\n", ("study.sockets: names nothing", "TC, TSB, HS")),
+    Trial("no material set", '[study]\nsockets = ["TC"]\n', ("study.materials", "separate")),
+    Trial("an empty list of cases", "cases = []\n", ("study.sockets: names nothing",)),
+    Trial("a socket twice", edited('["TC", "mine"]', '["TC", "TC"]'), ("study.sockets", "twice")),
+    Trial("an unknown socket", edited('["TC",', '["TCB",'), ("no socket 'TCB'", "'TC'")),
+    Trial("an unknown material set", edited('"soft"]', '"sofd"]'), ("'sofd'", "'soft'")),
+    Trial(
+        "cases in both ways",
+        TWO_LISTS + '[[cases]]\nsocket = "HS"\nmaterials = "separate"\n',
+        ("cases: give either [[cases]], or study.sockets",),
+    ),
+    Trial(
+        "two cases of one name",
+        '[[cases]]\nsocket = "HS"\nmaterials = "separate"\n' * 2,
+        ("cases.1", "HS_separate", "label"),
+    ),
+    Trial(
+        "two cases with one folder",
+        '[study]\nsockets = ["a_b", "a"]\nmaterials = ["b_c", "c"]\n[sockets.a]\nlike = "TC"\n'
+        '[sockets.a_b]\nlike = "TC"\n[materials.c]\n[materials.b_c]\n',
+        ("share the folder a_b_c", "rename"),
+    ),
+    Trial(
+        "a case that changes what does not exist",
+        '[[cases]]\nsocket = "HS"\nmaterials = "separate"\nset.modell.friction = 1\n',
+        ("cases.0: modell.friction: no such parameter", "'model'"),
+    ),
+    Trial(
+        "a case that changes an unknown key",
+        '[[cases]]\nsocket = "HS"\nmaterials = "separate"\nset.model.fricton = 1\n',
+        ("cases.0", "unknown key 'fricton'", "'friction'"),
+    ),
+    # Names and paths
+    Trial("a name that is a path", edited("[sockets.mine]", '[sockets."../x"]'), ("'../x'",)),
+    Trial("a name with markup", edited("[sockets.mine]", '[sockets."<b>"]'), ("<b>", "letters")),
+    Trial("a name that is a formula", edited("[sockets.mine]", '[sockets."=1+1"]'), ("'=1+1'",)),
+    Trial("a name of 41 letters", edited("[sockets.mine]", f"[sockets.{'a' * 41}]"),
+          ("at most 40",)),
+    Trial(
+        "a socket called as a reference socket",
+        edited("[sockets.mine]", "[sockets.HS]"),
+        ("sockets: 'HS' is a socket of the reference data", "like = 'HS'"),
+    ),
+    Trial(
+        "a set called as one of the paper",
+        edited("[materials.soft]", "[materials.combined]"),
+        ("materials: 'combined' is a set of the paper",),
+    ),
+    Trial("results above the folder", TWO_LISTS + 'out = "../x"', ("study.out", "--out")),
+    Trial("results at an absolute path", TWO_LISTS + 'out = "/etc/x"', ("study.out", "--out")),
+    Trial("results at home", TWO_LISTS + 'out = "~/x"', ("study.out", "--out")),
+    # Numbers and units
+    Trial("a negative friction", edited("[model]", "[model]\nfriction = -0.1"),
+          ("friction: is -0.1",)),
+    Trial("a friction that is no number", edited("[model]", "[model]\nfriction = nan"),
+          ("finite",)),
+    Trial("an infinite friction", edited("[model]", "[model]\nfriction = inf"), ("finite",)),
+    Trial("a friction as text", edited("[model]", '[model]\nfriction = "0.4"'), ("valid number",)),
+    Trial("a friction that is true", edited("[model]", "[model]\nfriction = true"), ("is True",)),
+    Trial("an unknown mesh size", edited('"coarse"', '"tiny"'), ("model.size", "coarse, medium")),
+    Trial("a mesh of no triangles", edited('"coarse"', "0"), ("model.size", "'0'")),
+    Trial("an unknown support", edited("[model]", '[model]\nsocket_support = "glued"'),
+          ("model.socket_support: is 'glued'", "floating")),
+    Trial("a wall without a unit", socket('like = "TC"\nwall_thickness = 4.5'),
+          ("sockets.mine.wall_thickness: 4.5 is no number with a unit", "mm")),
+    Trial("a wall in kPa", socket('like = "TC"\nwall_thickness = "4.5 kPa"'),
+          ("sockets.mine.wall_thickness: unit 'kPa'", "mm, cm, m")),
+    Trial("a wall of -1 mm", socket('like = "TC"\nwall_thickness = "-1 mm"'),
+          ("sockets.mine.wall_thickness", "greater than 0")),
+    Trial("a wall of nan mm", socket('like = "TC"\nwall_thickness = "nan mm"'),
+          ("sockets.mine.wall_thickness: 'nan mm' is no number with a unit",)),
+    Trial("a modulus in mPa", socket('like = "TC"\nmodulus = "459 mPa"'),
+          ("sockets.mine.modulus: unit 'mPa'", "MPa")),
+    Trial("a negative modulus of a wall", socket('like = "TC"\nmodulus = "-1 GPa"'),
+          ("sockets.mine", "E is", "above 0")),
+    Trial("a wall with Poisson's ratio 0.5", socket('like = "TC"\npoisson = 0.5'),
+          ("sockets.mine.poisson: is 0.5", "less than 0.5")),
+    # Sockets
+    Trial("a socket of no kind", socket('title = "x"'), ("sockets.mine: is no socket", "outline")),
+    Trial("a socket of two kinds", socket('like = "TC"\nlaw = "circle_blend"'), ("is no socket",)),
+    Trial("a socket of an unknown law", socket('law = "cone"'), ("is no socket", "circle_blend")),
+    Trial("a socket like an unknown one", socket('like = "PTB"'), ("sockets.mine.like", "'TC'")),
+    Trial("a base for a circle blend", socket('like = "HS"\nbase = "1 mm"'),
+          ("sockets.mine: HS", "circle_blend", "no base")),
+    Trial("an area reduced by 100 %", socket('like = "HS"\narea_reduction = "100 %"'),
+          ("sockets.mine.area_reduction", "less than 1")),
+    Trial("an area reduced by a length", socket('like = "HS"\narea_reduction = "1 mm"'),
+          ("sockets.mine.area_reduction: unit 'mm'",)),
+    Trial("a bump without width", socket(
+        'law = "normal_offset"\nbase = "1 mm"\nbumps = [{ center = "0 deg", amplitude = "1 mm" }]'),
+          ("sockets.mine.bumps.0.width: is missing",)),
+    Trial("an outline that is not there", socket('outline = "no.csv"'), ("no.csv", "No such")),
+    Trial("an outline as PDF", an_outline_that_is_no_drawing, ("inner.pdf", ".csv")),
+    Trial("a socket larger than the limb", socket('law = "normal_offset"\nbase = "-2 mm"'),
+          ("sockets.mine", "does not press on the limb")),
+    # Materials
+    Trial("a tissue that does not exist", edited("fat =", "fad ="),
+          ("materials.soft.fad", "'fat'")),
+    Trial("a law of an unknown name", fat('{ law = "hooke" }'), ("materials.soft.fat: is no law",)),
+    Trial("a law as a number", fat("3"), ("materials.soft.fat: is no law", "hencky")),
+    Trial("a law that lacks a parameter", fat('{ law = "hencky", nu = 0.3 }'),
+          ("materials.soft.fat.e: is missing",)),
+    Trial("neither d1 nor nu", fat('{ law = "ogden", mu = ["1 kPa"], alpha = [2] }'),
+          ("materials.soft.fat: give either d1 or nu",)),
+    Trial("more mu than alpha",
+          fat('{ law = "ogden", mu = ["1 kPa", "2 kPa"], alpha = [2], nu = 0.4 }'),
+          ("materials.soft.fat", "2 mu and 1 alpha")),
+    Trial("a negative modulus", fat('{ law = "hencky", e = "-1 kPa", nu = 0.3 }'),
+          ("materials.soft.fat", "above 0")),
+    Trial("Poisson's ratio 0.51", fat('{ law = "hencky", e = "1 kPa", nu = 0.51 }'),
+          ("materials.soft.fat", "nu is 0.51", "0.5")),
+    Trial("a Yeoh law that softens to nothing",
+          fat('{ law = "yeoh", c10 = "1 kPa", c30 = "-1 kPa" }'),
+          ("materials.soft.fat", "C30 >= 0")),
+    Trial("a limb that cannot give way", edited(
+        'fat = { law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }', INCOMPRESSIBLE),
+          ("materials.soft", "incompressible", "nu < 0.5")),
+    Trial("muscle apart in a combined set", edited("[materials.soft]\nfat",
+          '[materials.soft]\nlike = "combined"\nmuscle'), ("materials.soft.muscle", "combined")),
+    Trial("a material file that is not there", fat('{ file = "no.toml" }'), ("no.toml", "No such")),
+    Trial("a pipe as material file", a_pipe_for_a_material, ("fat.toml", "is no file")),
+    Trial("a binary material file", a_binary_material, ("fat.toml", "utf-8")),
+    Trial("a material file with a wrong unit", a_material_with_a_wrong_unit, ("fat.toml", "kilo")),
+    # Thresholds, steps, sweep
+    Trial("a threshold of an unknown outcome",
+          GOOD + '[[thresholds]]\noutcome = "pain"\nvalue = "1 kPa"\n',
+          ("thresholds.0.outcome: is 'pain'", "contact_pressure")),
+    Trial("a threshold of contact in fat",
+          GOOD + '[[thresholds]]\noutcome = "contact_pressure"\ntissue = "fat"\nvalue = "1 kPa"\n',
+          ("thresholds.0", "tissue is 'fat'", "skin")),
+    Trial("a threshold of strain in kPa",
+          GOOD + '[[thresholds]]\noutcome = "shear_log_strain"\nvalue = "1 kPa"\n',
+          ("thresholds.0", "unit 'kPa'", "%")),
+    Trial("a threshold of 0 kPa", GOOD + '[[thresholds]]\noutcome = "pressure"\nvalue = "0 kPa"\n',
+          ("thresholds.0", "above 0")),
+    Trial("steps in the wrong order", GOOD + "[steps]\nfirst = 0.5\n", ("steps", "largest 0.25")),
+    Trial("a first step of 0", GOOD + "[steps]\nfirst = 0\n", ("steps.first: is 0", "greater")),
+    Trial("a sweep without parameters", GOOD + "[sweep.grid]\n", ("sweep.grid: is empty",)),
+    Trial("a sweep in no way", GOOD + "[sweep]\n", ("sweep: give either grid or list",)),
+    Trial("a sweep over one value", GOOD + "[sweep.grid]\nmodel.friction = 0.2\n",
+          ("sweep.grid.model.friction: is 0.2", "list of values")),
+    Trial("a sweep with a value twice", GOOD + "[sweep.grid]\nmodel.friction = [0.2, 0.2]\n",
+          ("sweep.grid.model.friction", "twice")),
+    Trial("a sweep over an unknown parameter", GOOD + "[sweep.grid]\nmodel.fricton = [0.2]\n",
+          ("sweep", "unknown key 'fricton'", "'friction'")),
+    Trial("a sweep over another socket's wall",
+          GOOD + '[sweep.grid]\nsockets.min.base = ["1 mm"]\n',
+          ("sweep: sockets.min.base: the file defines no 'min'", "'mine'")),
+    Trial("a sweep that reaches no case", TWO_LISTS + '[sockets.mine]\nlike = "TC"\n[sweep.grid]\n'
+          'sockets.mine.base = ["1 mm"]\n', ("sweep: sockets.mine.base reaches no case",)),
+    Trial("a sweep over a title", GOOD + '[sweep.grid]\nstudy.title = ["a"]\n',
+          ("sweep: study.title: no such parameter", "model")),
+    Trial("a sweep to a bad value", GOOD + "[sweep.list]\nmodel.friction = [0.2, -1]\n",
+          ("sweep: with model.friction = -1", "greater than or equal to 0")),
+    Trial("a sweep with lists of two lengths",
+          GOOD + "[sweep.list]\nmodel.friction = [0.2, 0.4]\nmodel.gamma = [1.0]\n",
+          ("sweep.list", "model.gamma has 1 values", "sweep.grid")),
+    Trial("a sweep of a million points",
+          GOOD + f"[sweep.grid]\nmodel.friction = {[i / 1000 for i in range(1000)]}\n"
+          f"model.gamma = {[1 + i / 1000 for i in range(1000)]}\n",
+          ("sweep.grid: more than 1000 points",)),
+    # Other commands
+    Trial("half of a run.json", a_broken_run, ("run.json: is no JSON",)),
+    Trial("another file called run.json", another_json,
+          ("run.json: is not the run.json of a study",)),
+    Trial("a run.json whose cases were changed", a_run_of_changed_cases,
+          ("HS_separate", "changed")),
+    Trial("results where no folder can be made", a_folder_that_cannot_be_made,
+          ("/proc/calfsocket",)),
+    Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,
+          ("--out", "results")),
+    Trial("an example over a study", a_new_file_over_an_old_one, ("is there already",)),
+    Trial("an example that is no TOML file", a_new_file_with_another_ending, (".toml",)),
+    Trial("a picture that is no PNG", a_picture_with_another_ending, ("study.pdf", ".png")),
+)  # fmt: skip
+
+
+def written(folder: Path, text: str | bytes) -> Sequence[str]:
+    """Write a study file; return the command line that checks it."""
+    path = folder / "study.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return ["check", str(path)]
+
+
+def words_of(trial: Trial, folder: Path) -> Sequence[str]:
+    """Make a trial."""
+    return trial.given(folder) if callable(trial.given) else written(folder, trial.given)
+
+
+def refused(words: Sequence[str]) -> str:
+    """Return the one line that a refused command line gives."""
+    output, errors = StringIO(), StringIO()
+    with redirect_stdout(output), redirect_stderr(errors):
+        code = cli.main(words)
+    assert code == 2
+    assert output.getvalue() == ""
+    (line,) = errors.getvalue().splitlines()
+    assert line.startswith("calfsocket: ")
+    return line.removeprefix("calfsocket: ")
+
+
+def said(trial: Trial, folder: Path) -> str:
+    """Return what a trial gives, without the folder's path."""
+    return refused(words_of(trial, folder)).replace(f"{folder}/", "").replace(str(folder), "FOLDER")
+
+
+@pytest.mark.parametrize("trial", TRIALS, ids=str)
+def test_bad_input_gets_one_line(trial, tmp_path, monkeypatch):
+    work = tmp_path / "work"
+    work.mkdir()
+    monkeypatch.chdir(work)
+    given = tmp_path / "given"
+    given.mkdir()
+    words = words_of(trial, given)
+    before = {path: path.stat().st_size for path in given.iterdir()}
+    line = refused(words)
+    for part in trial.says:
+        assert part in line
+    assert len(line) < 600
+    assert list(work.iterdir()) == []
+    assert {path: path.stat().st_size for path in given.iterdir()} == before
+
+
+def test_names_of_trials_are_unique():
+    names = [trial.name for trial in TRIALS]
+    assert len(set(names)) == len(names) > 60
+
+
+@pytest.mark.parametrize("command", ["run", "show"])
+def test_every_command_says_the_same(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _, path = written(tmp_path, edited("size", "sise"))
+    assert refused([command, path]) == refused(["check", path])
+    assert [each.name for each in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_the_good_file_is_good(tmp_path, capsys):
+    """Or else the trials would tell nothing."""
+    assert cli.main(written(tmp_path, GOOD)) == 0
+    assert "4 cases" in capsys.readouterr().out
+
+
+def test_it_is_said_once_under_mpirun(mpirun, tmp_path):
+    words = ["-m", "calfsocket", "run", str(written(tmp_path, edited("size", "sise"))[1])]
+    assert mpirun(2, words, timeout=120, code=2) == ""
+    assert [each.name for each in tmp_path.iterdir()] == ["study.toml"]

@@ -1,0 +1,361 @@
+"""Study files as people write them: what they mean, and what tools make of them."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from calfsocket import cli
+from calfsocket.case import Case, Settings, region_laws
+from calfsocket.commands import study as paper_command
+from calfsocket.laws import Hencky, Ogden
+from calfsocket.meshes import curves
+from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
+from calfsocket.meshes.loops import limb_curves
+from calfsocket.study import all_cases
+from calfsocket.studyfile import document, reading, schema
+from calfsocket.studyfile.build import to_study
+from calfsocket.studyfile.plan import Plan
+from calfsocket.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
+
+STUDIES = Path(document.__file__).parent.parent / "studies"
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """Plan a study file given as text."""
+
+    def make(text: str) -> Plan:
+        path = tmp_path / "study.toml"
+        path.write_text(text)
+        return reading.read_study(path).plan()
+
+    return make
+
+
+def names(plan: Plan) -> list[str]:
+    return [case.name for case in plan.cases]
+
+
+# ----- the paper's study
+
+
+def test_the_papers_study_is_its_six_runs_with_the_papers_settings():
+    plan = reading.paper_study().plan()
+    assert plan.cases == tuple(all_cases(load_sockets()))
+    assert plan.settings == Settings()
+    assert plan.shapes == {} and plan.thresholds == ()
+
+
+def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
+    law = tmp_path / "fat.toml"
+    law.write_text('law = "hencky"\ne = "3 kPa"\nnu = 0.4\n')
+    words = ["--size", "coarse", "--sockets", "hs", "--friction", "0.3", "--material", f"fat={law}"]
+    parser = cli._parser("", paper_command)
+    study = paper_command._study(parser.parse_all(words))
+    assert [case.name for case in study.cases] == ["HS_separate", "HS_combined"]
+    assert study.known == tuple(all_cases(load_sockets()))
+    assert study.settings.size == "coarse" and study.settings.contact.fric_coeff == 0.3
+    assert study.settings.materials == {"fat": Hencky(0.003, 0.4)}
+    assert study.origin["content"]["model"]["friction"] == 0.3
+    assert study.origin["files"][str(law)]["content"]["nu"] == 0.4
+
+
+# ----- the example, and what editors use
+
+
+def test_the_example_passes_check_and_states_the_defaults(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", "my.toml"]) == 0
+    assert cli.main(["check", "my.toml"]) == 0
+    assert "4 cases" in capsys.readouterr().out
+    content = tomllib.loads(reading.example())
+    checked = document.Document.model_validate(content)
+    assert content["model"].keys() | {"gamma", "gamma_t"} == document.ModelTable.model_fields.keys()
+    assert content["steps"].keys() == document.StepsTable.model_fields.keys()
+    assert checked.model == document.ModelTable() and checked.steps == document.StepsTable()
+
+
+def test_every_remark_of_the_example_can_be_used():
+    lines = []
+    for line in reading.example().splitlines():
+        remark = re.fullmatch(r"# (\[.*|[a-z_.]+ = .*|    \{.*|\](?: .*)?)", line)
+        lines.append(remark[1] if remark else line)
+    content = tomllib.loads("\n".join(lines))
+    assert content.keys() == document.Document.model_fields.keys()
+    assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
+    assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
+    document.Document.model_validate(content)
+    jsonschema.validate(content, json.loads(schema.schema_text()))
+
+
+def test_the_schema_that_is_shipped_is_that_of_the_models(capsys):
+    assert cli.main(["schema"]) == 0
+    printed = capsys.readouterr().out
+    assert printed == (STUDIES / schema.SCHEMA_FILE).read_text(encoding="utf-8")
+    jsonschema.Draft202012Validator.check_schema(json.loads(printed))
+
+
+@pytest.mark.parametrize("name", ["paper.toml", "example.toml"])
+def test_the_studies_fit_the_schema_and_a_typing_error_does_not(name):
+    content = tomllib.loads((STUDIES / name).read_text(encoding="utf-8"))
+    validator = jsonschema.Draft202012Validator(json.loads(schema.schema_text()))
+    assert list(validator.iter_errors(content)) == []
+    content["model"]["frictoin"] = 0.4
+    assert [error.validator for error in validator.iter_errors(content)] == ["additionalProperties"]
+
+
+def test_the_schema_knows_units():
+    validator = jsonschema.Draft202012Validator(json.loads(schema.schema_text()))
+
+    def errors(wall):
+        content = {"sockets": {"mine": {"like": "TC", "wall_thickness": wall}}}
+        return list(validator.iter_errors(content))
+
+    assert errors("4.5 mm") == []
+    assert errors("4.5 kPa") and errors(4.5)
+
+
+# ----- sockets
+
+
+def test_numbers_with_units_reach_the_socket(plan):
+    made = plan(
+        """
+        [study]
+        sockets = ["a"]
+        materials = ["separate"]
+        [sockets.a]
+        law = "normal_offset"
+        base = "0.05 cm"
+        wall_thickness = "0.003 m"
+        modulus = "2.2 GPa"
+        bumps = [{ center = "3.141592653589793 rad", width = "10 deg", amplitude = "500 um" }]
+        """
+    )
+    (case,) = made.cases
+    shape = made.shapes["a"]
+    assert isinstance(shape, NormalOffset)
+    assert (shape.base, shape.wall_thickness, shape.bumps[0].amplitude) == (0.5, 3.0, 0.5)
+    assert shape.bumps[0].center == pytest.approx(180)
+    assert case.settings.materials == {"socket": Hencky(2200.0, SOCKET.nu)}
+    # The whole skin is moved inward by 0.5 mm or more.
+    assert made.placements["a"].touching == 1
+    assert made.placements["a"].largest_overlap == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_socket_like_another_keeps_what_is_not_named(plan):
+    made = plan(
+        '[study]\nsockets = ["mine", "TSB"]\nmaterials = ["combined"]\n'
+        '[sockets.mine]\nlike = "HS"\narea_reduction = "3 %"\n'
+    )
+    reference = load_sockets().sockets["HS"]
+    assert made.shapes == {"mine": reference.model_copy(update={"area_reduction": 0.03})}
+    assert made.placements["mine"].area_reduction == pytest.approx(0.03, abs=1e-6)
+    assert made.cases[1] == Case("TSB", "combined")  # as in the paper's study
+
+
+def test_an_outline_is_read_from_beside_the_study(tmp_path):
+    limb = load_limb()
+    skin = limb_curves(limb)[limb.contact_boundary]
+    inner = curves.offset(skin, lambda points: np.full(len(points), -1.0))
+    rows = [f"{x:.6f}, {y:.6f}" for x, y in inner.evaluate(inner.sample(4.0))]
+    (tmp_path / "inner.csv").write_text("x, y\n" + "\n".join(rows))
+    path = tmp_path / "study.toml"
+    path.write_text(
+        '[study]\nsockets = ["a"]\nmaterials = ["combined"]\n'
+        '[sockets.a]\noutline = "inner.csv"\nshift = ["0.3 mm", "-0.2 mm"]\nrotation = "1 deg"\n'
+    )
+    file = reading.read_study(path)
+    made = file.plan()
+    shape = made.shapes["a"]
+    assert [f"{x:.6f}, {y:.6f}" for x, y in shape.points] == rows
+    assert shape.shift == (0.3, -0.2) and shape.rotation == 1
+    # 1 mm off all round takes 1 mm of the perimeter; turned and moved it encloses the same.
+    lost = skin.perimeter / skin.area
+    assert made.placements["a"].area_reduction == pytest.approx(lost, rel=0.02)
+    record = file.files.record["inner.csv"]
+    assert len(record["content"]) == len(rows) and len(record["sha256"]) == 64
+
+
+# ----- materials
+
+
+def test_laws_by_tissue_and_by_region(plan):
+    made = plan(
+        """
+        [study]
+        sockets = ["TC"]
+        materials = ["own", "shared", "combined"]
+        [materials.own]
+        fat = { law = "neo-hookean", mu = "2 kPa", d1 = "10 1/MPa" }
+        soleus = { law = "hencky", e = "30 kPa", nu = 0.45 }
+        [materials.shared]
+        like = "combined"
+        combined = { law = "ogden", mu = ["5 kPa", "7 kPa"], alpha = [14, 2], nu = 0.495 }
+        [laws]
+        vessel = { law = "hencky", e = "12 kPa", nu = 0.49 }
+        """
+    )
+    limb = load_limb()
+    own, shared, paper = (
+        region_laws(case, case.settings or made.settings, limb) for case in made.cases
+    )
+    assert own["subcutaneous_fat"] == Ogden((0.002,), (2.0,), 10.0)
+    assert own["soleus"] == Hencky(0.03, 0.45) != own["tibialis_anterior"]
+    assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
+    assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
+    assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(0.012, 0.49)
+    study = to_study(reading.read_study(STUDIES / "paper.toml"), made)
+    from calfsocket.study import laws_of_sets
+
+    laws = laws_of_sets(study)
+    assert list(laws) == ["separate", "combined", "own", "shared"]
+    assert laws["own"]["soleus"]["e"] == 0.03 and "soleus" not in laws["shared"]
+
+
+def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
+    from calfsocket.case import step_control
+
+    made = plan(
+        '[study]\nsockets = ["TC"]\nmaterials = ["a", "b"]\n'
+        '[materials.a]\nlike = "combined"\n[materials.b]\n'
+    )
+    assert [step_control(case, made.settings).predict for case in made.cases] == [True, False]
+
+
+# ----- cases and sweeps
+
+BASE = """
+[study]
+sockets = ["TC", "mine"]
+materials = ["separate", "soft"]
+[sockets.mine]
+like = "HS"
+[materials.soft]
+fat = { law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }
+"""
+
+
+def test_cases_are_all_combinations_in_the_order_of_the_file(plan):
+    assert names(plan(BASE)) == ["TC_separate", "TC_soft", "mine_separate", "mine_soft"]
+
+
+def test_a_grid_makes_a_case_of_each_combination_that_reaches_it(plan):
+    made = plan(
+        BASE + "[sweep.grid]\nmodel.friction = [0.2, 0.4]\n"
+        'sockets.mine.wall_thickness = ["3 mm", "5 mm"]\n'
+    )
+    frictions = [f"friction={value}" for value in (0.2, 0.4)]
+    walls = ["3mm", "5mm"]
+    mine = [f"mine@{f},wall_thickness={w}" for f in frictions for w in walls]
+    wanted = [f"TC@{f}_{s}" for s in ("separate", "soft") for f in frictions]
+    wanted += [f"{socket}_{s}" for s in ("separate", "soft") for socket in mine]
+    assert names(made) == wanted
+    assert made.parameters == ("model.friction", "sockets.mine.wall_thickness")
+    assert made.shapes["mine@friction=0.2,wall_thickness=5mm"].wall_thickness == 5
+    frictions = {case.name: (case.settings or made.settings).contact for case in made.cases}
+    assert {c.fric_coeff for n, c in frictions.items() if "friction=0.2" in n} == {0.2}
+
+
+def test_a_list_takes_values_together(plan):
+    made = plan(BASE + "[sweep.list]\nmodel.friction = [0.2, 0.4]\nsteps.largest = [0.25, 0.5]\n")
+    assert names(made)[:2] == [
+        "TC@friction=0.2,largest=0.25_separate",
+        "TC@friction=0.4,largest=0.5_separate",
+    ]
+    assert len(made.cases) == 8
+    assert made.cases[1].settings.steps.largest == 0.5
+
+
+def test_a_sweep_over_a_law_is_told_in_the_name_of_the_set(plan):
+    made = plan(BASE + '[sweep.grid]\nmaterials.soft.fat.mu = [["1 kPa"], ["2 kPa"]]\n')
+    assert names(made) == [
+        "TC_separate", "TC_soft@mu=1kPa", "TC_soft@mu=2kPa",
+        "mine_separate", "mine_soft@mu=1kPa", "mine_soft@mu=2kPa",
+    ]  # fmt: skip
+    assert made.cases[2].settings.materials["fat"].mu == (0.002,)
+    assert made.cases[2].base == "separate"
+
+
+def test_values_that_make_no_word_are_counted(plan):
+    laws = [{"law": "hencky", "e": "3 kPa", "nu": nu} for nu in (0.4, 0.45)]
+    tables = ", ".join(f'{{ law = "hencky", e = "3 kPa", nu = {law["nu"]} }}' for law in laws)
+    made = plan(BASE + f"[sweep.grid]\nmaterials.soft.fat = [{tables}]\n")
+    assert names(made)[1:3] == ["TC_soft@fat=value-1", "TC_soft@fat=value-2"]
+    assert made.cases[2].settings.materials["fat"] == Hencky(0.003, 0.45)
+
+
+def test_parameters_of_one_name_are_told_apart(plan):
+    made = plan(
+        BASE + "[materials.soft.vessel]\nlaw = 'hencky'\ne = '10 kPa'\nnu = 0.49\n"
+        "[sweep.grid]\nmaterials.soft.fat.nu = [0.49]\nmaterials.soft.vessel.nu = [0.48]\n"
+    )
+    assert names(made)[1] == "TC_soft@fat.nu=0.49,vessel.nu=0.48"
+
+
+def test_cases_one_by_one_with_parameters_of_their_own(plan):
+    made = plan(
+        """
+        [[cases]]
+        socket = "HS"
+        materials = "separate"
+        [[cases]]
+        socket = "HS"
+        materials = "separate"
+        set.model = { friction = 0.1, socket_support = "outer-fixed" }
+        label = "held"
+        [[cases]]
+        socket = "HS"
+        materials = "separate"
+        set.model.friction = 0.2
+        """
+    )
+    assert names(made) == ["HS_separate", "HS@held_separate", "HS@friction=0.2_separate"]
+    assert made.cases[0].settings is None
+    assert made.cases[1].settings.socket_support == "outer-fixed"
+    assert made.cases[1].paper_set == "separate"
+
+
+def test_names_lead_into_lists(plan):
+    made = plan(
+        BASE.replace('like = "HS"', 'law = "normal_offset"\nbase = "1 mm"\n'
+        'bumps = [{ center = "0 deg", width = "20 deg", amplitude = "1 mm" }]')
+        + '[sweep.grid]\nsockets.mine.bumps.0.amplitude = ["1 mm", "2 mm"]\n'
+    )  # fmt: skip
+    assert made.shapes["mine@amplitude=2mm"].bumps[0].amplitude == 2.0
+
+
+# ----- check and show
+
+
+def test_check_lists_cases_and_solves_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("calfsocket.study.run_study", lambda *_: pytest.fail("solved"))
+    path = tmp_path / "study.toml"
+    path.write_text(BASE)
+    assert cli.main(["check", str(path)]) == 0
+    heading, columns, *cases = capsys.readouterr().out.splitlines()
+    assert heading == f"{path}: 4 cases, mesh paper"
+    assert "area lost" in columns
+    assert [line.split()[0] for line in cases] == [
+        "TC_separate", "TC_soft", "mine_separate", "mine_soft"
+    ]  # fmt: skip
+    assert [line.split()[1] for line in cases] == ["3.15", "3.15", "5.00", "5.00"]
+    assert [each.name for each in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_show_draws(tmp_path, capsys):
+    import matplotlib.image
+
+    path, picture = tmp_path / "study.toml", tmp_path / "shown.png"
+    path.write_text(BASE)
+    assert cli.main(["show", str(path), "--out", str(picture)]) == 0
+    assert capsys.readouterr().out == f"{picture}\n"
+    image = matplotlib.image.imread(picture)
+    assert min(image.shape[:2]) > 800
+    overlap = np.array([0xD5, 0x5E, 0x00]) / 255
+    assert (np.abs(image[..., :3] - overlap).max(axis=-1) < 0.01).sum() > 1000

@@ -1,0 +1,180 @@
+"""A study of one's own solved on the coarse mesh, and solved again from its run.json alone."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from calfsocket import cli
+from calfsocket.errors import InputError
+from calfsocket.meshes.data import load_limb
+from calfsocket.study import check_folder
+from calfsocket.studyfile.build import to_study
+from calfsocket.studyfile.reading import read_study
+
+STUDY = """
+[study]
+sockets = ["mine"]
+materials = ["soft"]
+outcomes = ["contact_pressure_mean", "contact_share"]
+[model]
+size = "coarse"
+[sockets.mine]
+like = "TSB"
+modulus = "2.2 GPa"
+[materials.soft]
+like = "combined"
+combined = { file = "both.toml" }
+soleus = { law = "ogden", mu = ["20 kPa"], alpha = [14], nu = 0.495 }
+[[thresholds]]
+outcome = "contact_pressure"
+value = "11 kPa"
+[sweep.list]
+model.friction = [0.3]
+"""
+MATERIAL = 'law = "ogden"\nmu = ["12 kPa"]\nalpha = [14]\nd1 = "1.67e-6 1/Pa"\n'
+NAME = "mine@friction=0.3_soft"
+
+
+def write_study(folder: Path, text: str = STUDY) -> Path:
+    folder.mkdir(exist_ok=True)
+    (folder / "both.toml").write_text(MATERIAL)
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("own")
+    path = write_study(folder / "given")
+    assert cli.main(["run", str(path), "--out", str(folder / "results"), "--no-report"]) == 0
+    return folder / "results"
+
+
+def test_the_case_is_solved_with_what_the_file_says(results):
+    run = json.loads((results / "run.json").read_text())
+    assert list(run["cases"]) == [NAME]
+    entry = run["cases"][NAME]
+    assert entry["status"] == "solved" and entry["negative_modes"] == 0
+    assert entry["changes"] == {"model.friction": 0.3} and entry["paper_set"] == "combined"
+    assert run["laws"]["soft"]["soleus"]["mu"] == [0.02]
+    assert run["laws"]["soft"]["muscle"]["d1"] == pytest.approx(1.67)
+    contact = pd.read_csv(results / "contact.csv")
+    assert (contact.shear_kPa.abs() <= 0.3 * contact.pressure_kPa + 1e-9).all()
+    assert (results / NAME / "picture.png").is_file()
+
+
+def test_contact_pressure_is_that_of_the_lost_area(results):
+    """As in test_study, with the bulk modulus that soleus has here: 2/D1 by nu = 0.495."""
+    of_soleus = 2 * 0.020 * 1.495 / (3 * 0.01)  # MPa; muscle and fascia else 2/1.67
+    fat, skin, vessel = 2 / 11.8, 2 / 0.0912, 0.010 / 0.06
+    bulk = {"skin": skin, "fat": fat, "muscle": 2 / 1.67, "fascia": 2 / 1.67, "vessel": vessel}
+    regions = [region for region in load_limb().regions if region.tissue != "bone"]
+    compliance = sum(
+        region.area / (of_soleus if region.name == "soleus" else bulk[region.tissue])
+        for region in regions
+    )
+    estimate = 1000 * 0.0164 * 10177 / compliance
+    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "outcome"]).value
+    assert summary["skin", "contact_pressure_mean"] == pytest.approx(estimate, rel=0.1)
+
+
+def test_summary_and_sweep_tell_the_threshold(results):
+    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "outcome"]).value
+    share = summary["skin", "share_of_contact_pressure_above_11_kPa"]
+    assert 0 < share < 100
+    (row,) = pd.read_csv(results / "sweep.csv").to_dict("records")
+    assert row == {
+        "case": NAME,
+        "socket": "mine@friction=0.3",
+        "material_set": "soft",
+        "model.friction": 0.3,
+        "contact_pressure_mean_kPa": summary["skin", "contact_pressure_mean"],
+        "contact_share_percent": summary["skin", "contact_share"],
+        "skin_share_of_contact_pressure_above_11_kPa_in_percent": share,
+        "status": "solved",
+    }
+
+
+def test_run_json_alone_repeats_the_run(results, tmp_path, monkeypatch):
+    """The study and its files are gone: what they held is in run.json, to the last bit."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(results / "run.json", "run.json")
+    given = results.parent / "given"
+    given.rename(given.with_name("away"))
+    try:
+        words = ["run", "run.json", "--out", "again", "--no-report", "--no-pictures"]
+        assert cli.main(words) == 0
+    finally:
+        given.with_name("away").rename(given)
+    for name in ("summary.csv", "contact.csv", "sweep.csv"):
+        assert (tmp_path / "again" / name).read_bytes() == (results / name).read_bytes()
+    before, now = (
+        json.loads((folder / "run.json").read_text()) for folder in (results, tmp_path / "again")
+    )
+    for key in ("inputs", "laws", "limb", "sockets"):
+        assert now[key] == before[key]
+    for key in ("content", "files", "seeds"):
+        assert now["study"][key] == before["study"][key]
+    assert before["study"]["seeds"].startswith("none")
+    assert now["study"]["sha256"].items() > before["study"]["sha256"].items()
+    assert set(before["study"]["sha256"]) == {"study.toml"}
+    assert len(before["study"]["files"]["both.toml"]["sha256"]) == 64
+
+
+def study_of(path: Path, out: Path):
+    file = read_study(path)
+    return to_study(file, file.plan(), out)
+
+
+def test_results_of_another_study_are_not_mixed_in(results, tmp_path):
+    same = study_of(write_study(tmp_path), results)
+    check_folder(same, overwrite=False)
+    more = study_of(write_study(tmp_path, STUDY.replace("[0.3]", "[0.3, 0.5]")), results)
+    check_folder(more, overwrite=False)  # adds a case, and leaves the other as it is
+    assert len(more.cases) == 2
+    stiffer = study_of(write_study(tmp_path, STUDY.replace("2.2 GPa", "2.3 GPa")), results)
+    with pytest.raises(InputError, match=rf"other inputs \(case {NAME}\)"):
+        check_folder(stiffer, overwrite=False)
+    limit = study_of(write_study(tmp_path, STUDY.replace("11 kPa", "9 kPa")), results)
+    with pytest.raises(InputError, match=r"other inputs \(thresholds\)"):
+        check_folder(limit, overwrite=False)
+
+
+def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
+    run = json.loads((results / "run.json").read_text())
+    run["petsc_options"] = {"calfsocket_snes_max_it": "7"}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    from petsc4py import PETSc
+
+    from calfsocket.commands.run import set_options
+
+    file = read_study(tmp_path / "run.json")
+    known = PETSc.Options()
+    try:
+        set_options(file.petsc_options)
+        assert known.getString("calfsocket_snes_max_it") == "7"
+        set_options({"calfsocket_snes_max_it": "9"})  # given already
+        assert known.getString("calfsocket_snes_max_it") == "7"
+        set_options({"malloc_dump": "1"})
+        assert not known.hasName("malloc_dump")
+    finally:
+        known.delValue("calfsocket_snes_max_it")
+
+
+def test_a_run_of_some_cases_repeats_those(tmp_path):
+    """The bare command's choice of cases is in run.json, too."""
+    from calfsocket.study import Ledger
+    from calfsocket.studyfile.reading import paper_study
+
+    file = paper_study()
+    study = to_study(file, file.plan(), tmp_path, only=["HS_combined", "TC_separate"])
+    Ledger(replace(study, out=tmp_path), ranks=1)
+    again = read_study(tmp_path / "run.json")
+    assert set(again.only) == {"HS_combined", "TC_separate"}
+    repeated = to_study(again, again.plan())
+    assert repeated.cases == study.cases and repeated.known == study.known
+    assert repeated.inputs() == study.inputs()
