@@ -2,45 +2,27 @@
 
 import hashlib
 import json
-import logging
-import time
-import traceback
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from mpi4py import MPI
-from petsc4py import PETSc
 from rich.console import Console
 
-from calfsocket import compilation, outcomes, picture, resume, sweep_table, writers
-from calfsocket.case import Case, Run, Settings, case_laws, region_laws, region_tissues
-from calfsocket.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
-from calfsocket.contact_line import ContactLine
-from calfsocket.errors import CalfsocketError, InputError, in_one_line
+from calfsocket import compilation
+from calfsocket.case import Case, Settings, region_laws
+from calfsocket.errors import CalfsocketError, InputError
 from calfsocket.farm import Farm
-from calfsocket.gather import contact_line, section_fields
 from calfsocket.laws import ogden_terms
+from calfsocket.ledger import FILES, RUN_FILE, Ledger, about
 from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
 from calfsocket.progress import Event, Reporter
-from calfsocket.section_fields import SectionFields
-from calfsocket.stepping import LoadStep, Milestone
-from calfsocket.sweep_table import SWEEP_FILE, Sweep
-from calfsocket.thresholds import Threshold, threshold_rows
+from calfsocket.running import try_case
+from calfsocket.sweep_table import Sweep
+from calfsocket.thresholds import Threshold
 from calfsocket.tissues import MATERIAL_SETS
-from calfsocket.versions import versions
-
-KEY = ("socket", "material_set")
-RUN_FILE = "run.json"
-CASES_FILE = "cases.csv"
-CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
-"""Tables in which a case has rows of its own."""
-TABLES = (*CASE_TABLES, SWEEP_FILE)
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -188,8 +170,8 @@ def run_study(
             farm = Farm(comm, len(cases), ranks_per_case, on_report)
             while (number := farm.next_case()) is not None:
                 case = cases[number]
-                entry = _try_case(farm, study, case, go_on)
-                farm.report({"name": case.name, **_about(case), **entry})
+                entry = try_case(farm, study, case, go_on)
+                farm.report({"name": case.name, **about(case), **entry})
             farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
 
@@ -208,7 +190,7 @@ def check_folder(study: Study, overwrite: bool) -> None:
         if not path.exists():
             return
         if overwrite:
-            for name in (*TABLES, CASES_FILE, RUN_FILE):
+            for name in FILES:
                 (study.out / name).unlink(missing_ok=True)
             return
         before = json.loads(path.read_text(encoding="utf-8"))["inputs"]
@@ -231,312 +213,9 @@ def check_folder(study: Study, overwrite: bool) -> None:
         )
 
 
-class Ledger:
-    """The run.json and cases.csv of a study, kept up to date by rank 0.
-
-    Parameters
-    ----------
-    study, ranks
-        What is solved, and by how many ranks.
-    go_on
-        Whether cases that an earlier run has finished are kept.
-
-    Attributes
-    ----------
-    to_solve : list of Case
-        The study's cases apart from those that are kept.
-    """
-
-    def __init__(self, study: Study, ranks: int, go_on: bool = False) -> None:
-        self._out = study.out
-        self._start = time.perf_counter()
-        self._study = study
-        self._asked = [case.name for case in study.cases]
-        conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
-        for folder in (study.out, *(study.out / name for name in self._asked)):
-            writers.remove_unfinished(folder)
-        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})
-        self.to_solve = [
-            case for case in study.cases if not (go_on and _is_kept(study, case, earlier["cases"]))
-        ]
-        inputs = study.inputs()
-        inputs["cases"] = earlier["inputs"].get("cases", {}) | inputs["cases"]
-        self._content = {
-            "program": "calfsocket",
-            **conditions,
-            "ranks": ranks,
-            "study": dict(study.origin),
-            "inputs": inputs,
-            "laws": laws_of_sets(study),
-            "limb": study.limb.model_dump(mode="json"),
-            "sockets": study.all_sockets.model_dump(mode="json", exclude_none=True),
-            "finished": False,
-            "seconds": 0.0,
-            "cases": earlier["cases"]
-            | {case.name: {**_about(case), "status": "running"} for case in self.to_solve},
-        }
-        self._write()
-
-    def record(self, entry: dict[str, Any]) -> None:
-        """Put in how a case ended; a full disk now need not stop the cases that run."""
-        self._content["cases"][entry.pop("name")] = entry
-        try:
-            self._write()
-        except OSError as error:
-            log.warning("%s", error)
-
-    def close(self) -> bool:
-        """Mark the study as finished; tell whether every case asked for was solved.
-
-        Raises
-        ------
-        WriteError
-            When that cannot be written.
-        """
-        self._content["finished"] = True
-        self._write()
-        entries = {name: self._content["cases"][name] for name in self._asked}
-        failed = {name: each for name, each in entries.items() if each["status"] != "solved"}
-        if failed:
-            log.warning(
-                "%d of %d cases failed; with --resume they are tried again:",
-                len(failed),
-                len(entries),
-            )
-        for name, entry in failed.items():
-            log.warning("%s: %s", name, entry["message"])
-        return not failed
-
-    def _write(self) -> None:
-        self._content["seconds"] = time.perf_counter() - self._start
-        writers.write_json(self._out / RUN_FILE, self._content)
-        with writers.replacing(self._out / CASES_FILE) as temporary:
-            _cases_table(self._content["cases"]).to_csv(temporary, index=False)
-        if self._study.sweep:
-            status = {name: each["status"] for name, each in self._content["cases"].items()}
-            sweep_table.write(self._out, self._study.sweep, self._study.order, status)
-        for name in self._asked:
-            if self._content["cases"][name]["status"] == "solved":
-                # Its files hold all there is to know; one that failed may be gone on with.
-                (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
-
-
-def _is_kept(study: Study, case: Case, earlier: Mapping[str, Any]) -> bool:
-    if earlier.get(case.name, {}).get("status") != "solved":
-        return False
-    why = resume.damage(earlier[case.name], _digests(study, case))
-    log.info("%s: %s", case.name, why or "solved already")
-    return not why
-
-
-def _digests(study: Study, case: Case) -> dict[str, str | None]:
-    return resume.digests(study.out, case.name, dict(zip(KEY, case.key, strict=True)), CASE_TABLES)
-
-
-def _cases_table(entries: Mapping[str, Any]) -> pd.DataFrame:
-    """Rows of cases.csv: how each case ended, and why."""
-    return pd.DataFrame(
-        [
-            {
-                "case": name,
-                "status": entry["status"],
-                "load": entry.get("load", ""),
-                "message": entry.get("message", ""),
-                "warnings": "; ".join(entry.get("warnings", [])),
-            }
-            for name, entry in entries.items()
-        ]
-    )
-
-
-def _try_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, Any]:
-    """Solve a case; where it cannot be, and all ranks of the group know, say why.
-
-    Raises
-    ------
-    Exception
-        On a rank that cannot go on while the others wait for it in vain.
-    """
-    entry: dict[str, Any] = {}
-    failure: Exception | None = None
-    try:
-        entry = _run_case(farm, study, case, go_on)
-    except Exception as error:
-        failure = error
-    try:
-        message = farm.agree(in_one_line(failure) if failure else "")
-    except TimeoutError:
-        assert failure is not None
-        raise failure from None
-    if message:
-        farm.report(Event(case.name, f"failed: {message}", None, milestone=True))
-        entry = {"status": "failed", "message": message}
-        if failure and not isinstance(failure, CalfsocketError):
-            entry["traceback"] = traceback.format_exception(failure)
-    return entry
-
-
-def _run_case(farm: Farm, study: Study, case: Case, go_on: bool) -> dict[str, Any]:
-    """Solve a case on this group of ranks and write its files; return its entry of run.json."""
-    root = farm.group.rank == 0
-    rows: list[dict[str, Any]] = []
-    troubles: set[str] = set()
-
-    def tell(text: str, load: float, milestone: bool = False) -> None:
-        farm.report(Event(case.name, text, load, milestone))
-
-    @contextmanager
-    def in_passing(load: float) -> Iterator[None]:
-        """Say once what cannot be written, and go on: it may be at the end."""
-        try:
-            yield
-        except OSError as error:
-            text = in_one_line(error)
-            if text not in troubles:
-                tell(text, load, True)
-            troubles.add(text)
-
-    def on_step(step: LoadStep) -> None:
-        newton = step.newton
-        how = "Newton" if newton.converged else f"failed ({newton.reason}) after"
-        tell(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load, True)
-        rows.append(_step_row(case, step))
-        if root:
-            with in_passing(step.load):
-                _merge(study, "steps.csv", pd.DataFrame(rows))
-
-    def on_milestone(milestone: Milestone) -> None:
-        with run.phase("checkpoints"), in_passing(milestone.load):
-            checkpoint.save(milestone)
-
-    tell("mesh and set-up", 0.0, True)
-    run = Run(
-        farm.group,
-        case,
-        study.settings_of(case),
-        study.limb,
-        study.socket(case),
-        on_iteration=lambda load, k, norm: tell(f"iteration {k}, residual {norm:.1e} N/mm", load),
-        on_step=on_step,
-        on_milestone=on_milestone,
-    )
-    checkpoint = Checkpoint(
-        study.out / case.name / CHECKPOINT_FILE,
-        run.model,
-        {
-            **study.inputs_of(case),
-            "versions": versions(),
-            "petsc_options": PETSc.Options().getAll(),
-        },
-    )
-    start: Milestone | None = None
-    if go_on:
-        try:
-            start = checkpoint.load()
-        except CheckpointError as error:  # on all ranks
-            tell(f"starts anew: {error}", 0.0, True)
-    if start is not None:
-        tell("goes on from its last equilibrium", start.load, True)
-        rows += [_step_row(case, step) for step in start.steps]
-    run.solve(start)
-    checks = run.checks()
-    with run.phase("outcomes"):
-        fields = section_fields(run.model, region_tissues(study.limb))
-        line = contact_line(run.model)
-    if fields is not None and line is not None:
-        with run.phase("files"):
-            _write_case(study, case, fields, line)
-        if rows:
-            rows[-1]["negative_modes"] = checks["negative_modes"]
-            _merge(study, "steps.csv", pd.DataFrame(rows))
-        if study.pictures:
-            with run.phase("picture"), attempt(f"no picture of {case.name}"):
-                picture.draw(study.out / case.name)
-    load = float(run.model.contact.load)
-    warnings = run.warnings(checks)
-    text = run.failure or "; ".join(["solved", *warnings])
-    tell(text, load, True)
-    return {
-        "status": "failed" if run.failure else "solved",
-        "message": run.failure,
-        "warnings": warnings,
-        "ranks": farm.group.size,
-        "gone_on_from_load": start.load if start else 0.0,
-        "seconds": run.seconds,
-        **checks,
-        "files": _digests(study, case) if root else {},
-    }
-
-
-@contextmanager
-def attempt(what: str) -> Iterator[None]:
-    """Turn a failure into a warning: results that are solved and written must not be lost."""
-    try:
-        yield
-    except Exception as error:
-        log.warning("%s: %s", what, in_one_line(error))
-
-
-def _write_case(study: Study, case: Case, fields: SectionFields, line: ContactLine) -> None:
-    folder = study.out / case.name
-    writers.write_fields(folder, fields, case.socket, case.material_set)
-    contact = line.rows(case.socket, case.material_set)
-    with writers.replacing(folder / "contact.csv") as temporary:
-        contact.to_csv(temporary, index=False, float_format=writers.FLOAT_FORMAT)
-    _merge(study, "contact.csv", contact)
-    summary = outcomes.summary_rows(fields, line, case.socket, case.material_set)
-    beyond = threshold_rows(fields, line, study.thresholds, case.socket, case.material_set)
-    _merge(study, "summary.csv", pd.concat([summary, beyond]) if len(beyond) else summary)
-
-
-def _merge(study: Study, name: str, rows: pd.DataFrame) -> None:
-    writers.merge_csv(study.out / name, rows, KEY, [case.key for case in study.order])
-
-
-def _about(case: Case) -> dict[str, Any]:
-    """Tell in a case's entry of run.json what it is."""
-    return {
-        "socket": case.socket,
-        "material_set": case.material_set,
-        "paper_set": case.paper_set,
-        "changes": dict(case.changes),
-    }
-
-
-def laws_of_sets(study: Study) -> dict[str, dict[str, dict[str, Any]]]:
-    """Laws of the paper's sets, and of those of the study's own: set -> tissue or region -> law."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    for case in (*(Case("", name) for name in MATERIAL_SETS), *study.order):
-        if case.material_set in found:
-            continue
-        settings = study.settings_of(case)
-        regions = {region.name for region in study.limb.regions}
-        own = {name: law for name, law in settings.materials.items() if name in regions}
-        found[case.material_set] = {
-            name: {"law": law.name, **asdict(law)}
-            for name, law in {**own, **case_laws(case, settings)}.items()
-        }
-    return found
-
-
 def all_cases(sockets: Sockets) -> list[Case]:
     """Every socket with every material set, in the order of the tables."""
     return [Case(socket, name) for socket in sockets.sockets for name in MATERIAL_SETS]
-
-
-def _step_row(case: Case, step: LoadStep) -> dict[str, Any]:
-    return {
-        "socket": case.socket,
-        "material_set": case.material_set,
-        "step": step.number,
-        "load": step.load,
-        "converged": step.newton.converged,
-        "reason": step.newton.reason,
-        "newton_iterations": step.newton.iterations,
-        "residual_N_per_mm": step.newton.residual,
-        "seconds": step.seconds,
-        "negative_modes": "",
-    }
 
 
 def _fingerprint(text: str) -> str:

@@ -88,7 +88,7 @@ TRIALS = (
     fails(
         "an exception in the outcomes",
         "IndexError: injected",
-        "calfsocket.study:section_fields",
+        "calfsocket.running:section_fields",
         error="IndexError",
     ),
     fails(
@@ -101,7 +101,7 @@ TRIALS = (
     passes(
         "no space for a step while solving",
         "said once, and the steps are written at the end",
-        "calfsocket.study:_merge",
+        "calfsocket.running:_merge",
         error="OSError",
         words=FULL,
     ),
@@ -115,7 +115,7 @@ TRIALS = (
     passes(
         "no space for run.json when a case ends",
         "said, and written when there is space",
-        "calfsocket.study:_cases_table",
+        "calfsocket.ledger:_cases_table",
         call=2,
         error="OSError",
         words=FULL,

@@ -18,7 +18,7 @@ from calfsocket.report.damage import Thresholds
 from calfsocket.report.drawn import Drawn
 from calfsocket.report.figures import PLANS
 from calfsocket.report.results import read_results
-from calfsocket.study import attempt
+from calfsocket.running import attempt
 from report_results import contact_on, limb, limb_study, write_results
 
 # Reports on the page from within it; added to a copy, since the page itself has no script.

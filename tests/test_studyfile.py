@@ -211,7 +211,7 @@ def test_laws_by_tissue_and_by_region(plan):
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
     assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(0.012, 0.49)
     study = to_study(reading.read_study(STUDIES / "paper.toml"), made)
-    from calfsocket.study import laws_of_sets
+    from calfsocket.ledger import laws_of_sets
 
     laws = laws_of_sets(study)
     assert list(laws) == ["separate", "combined", "own", "shared"]

@@ -167,7 +167,7 @@ def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
 
 def test_a_run_of_some_cases_repeats_those(tmp_path):
     """The bare command's choice of cases is in run.json, too."""
-    from calfsocket.study import Ledger
+    from calfsocket.ledger import Ledger
     from calfsocket.studyfile.reading import paper_study
 
     file = paper_study()

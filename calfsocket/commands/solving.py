@@ -77,7 +77,8 @@ def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse
     from rich.console import Console
 
     from calfsocket.report.writing import write_report
-    from calfsocket.study import attempt, check_folder, run_study
+    from calfsocket.running import attempt
+    from calfsocket.study import check_folder, run_study
 
     if arguments.resume and arguments.overwrite:
         raise InputError("--resume, --overwrite: keep the results or replace them; give one")
