@@ -78,7 +78,7 @@ def unbroken(tmp_path_factory):
 
 def run(launch, ranks, **how):
     how = {"study": {}, "out": "results"} | how
-    return launch(ranks, [PROGRAM, json.dumps(how)], timeout=120)
+    return launch(ranks, [PROGRAM, json.dumps(how)], timeout=240)
 
 
 def close(out: Path, other: Path) -> bool:
