@@ -156,7 +156,8 @@ class Checkpoint:
 
     def _gather_skin(self, at_points: NDArray[Any]) -> NDArray[Any] | None:
         edges = self._skin_edges()
-        return self._gather(edges, at_points.reshape(len(edges), -1))
+        points = len(self._model.contact.edge_parameters)
+        return self._gather(edges, at_points.reshape(len(edges), points))
 
     def _on_skin(self, at_points: NDArray[Any]) -> NDArray[Any]:
         edges = self._skin_edges()
@@ -168,10 +169,7 @@ class Checkpoint:
         gathered = self._model.comm.gather((numbers, rows), root=0)
         if gathered is None:
             return None
-        number, row = (
-            np.concatenate([part for part in parts if len(part)])
-            for parts in zip(*gathered, strict=True)
-        )
+        number, row = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
         return row[np.argsort(number)]
 
 

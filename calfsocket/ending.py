@@ -53,6 +53,8 @@ def end_all(comm: "MPI.Intracomm", message: str, code: int) -> NoReturn:
 
     Of several ranks that cannot go on at the same time, the first one speaks.
     """
+    for number in (signal.SIGINT, signal.SIGTERM):  # from here on they end this rank in silence
+        signal.signal(number, signal.SIG_DFL)
     _tell_the_others(comm, _AT_AN_END)
     if not _another_speaks(comm):
         _tell_the_others(comm, _SPEAKING)

@@ -13,7 +13,7 @@ from calfsocket import outcomes, picture, writers
 from calfsocket.case import Case, Run, region_tissues
 from calfsocket.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
 from calfsocket.contact_line import ContactLine
-from calfsocket.errors import CalfsocketError, in_one_line
+from calfsocket.errors import CalfsocketError, InputError, SolveError, in_one_line
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.ledger import KEY, case_digests
@@ -45,9 +45,10 @@ def try_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, A
         failure = error
     try:
         message = farm.agree(in_one_line(failure) if failure else "")
-    except TimeoutError:
+    except TimeoutError as error:
         assert failure is not None
-        raise failure from None
+        # Nobody waits for this rank to refuse the input together with it.
+        raise (SolveError(error) if isinstance(failure, InputError) else failure) from None
     if message:
         farm.report(Event(case.name, f"failed: {message}", None, milestone=True))
         entry = {"status": "failed", "message": message}

@@ -10,6 +10,7 @@ import pytest
 
 from calfsocket import cli, study
 from calfsocket.calibration import run as calibration
+from calfsocket.ending import Terminated
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -117,6 +118,7 @@ def test_what_study_and_calibration_share_is_refused_by_both(
         (["--ranks-per-case", "0"], ["--ranks-per-case", "1 to 1"]),
         (["--ranks-per-case", "2"], ["--ranks-per-case", "mpirun"]),
         (["--out", "/proc/calfsocket"], ["--out", "/proc/calfsocket"]),
+        (["--resume", "--overwrite"], ["--resume", "--overwrite", "give one"]),
         (["mesh", "--socket", "HS"], ["--out"]),
         (["mesh", "--socket", "XX", "--out", "x.msh"], ["XX", "HS"]),
         (["picture", "nowhere"], ["nowhere"]),
@@ -137,6 +139,35 @@ def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path, monkeypa
     for word in says:
         assert word in line
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [[], ["--resume"]])
+def test_resume_goes_on_with_what_is_there(words, tmp_path, monkeypatch):
+    asked = []
+
+    def solve(comm, study, ranks_per_case, console, go_on):
+        asked.append(go_on)
+        return True
+
+    monkeypatch.setattr(study, "run_study", solve)
+    assert cli.main([*words, "--out", str(tmp_path / "r"), "--no-report"]) == 0
+    assert asked == [bool(words)]
+
+
+@pytest.mark.parametrize(("interrupt", "code"), [(KeyboardInterrupt, 130), (Terminated, 143)])
+def test_an_interrupt_is_one_line_that_says_how_to_go_on(
+    interrupt, code, tmp_path, monkeypatch, capsys
+):
+    def stop(*_):
+        raise interrupt
+
+    monkeypatch.setattr(study, "run_study", stop)
+    assert cli.main(["--out", str(tmp_path / "r")]) == code
+    (line,) = [text for text in capsys.readouterr().err.splitlines() if "results go" not in text]
+    assert line == (
+        f"calfsocket: interrupted; what is finished is whole in {tmp_path / 'r'}, and the same "
+        "command with --resume goes on"
+    )
 
 
 def test_the_exit_code_reaches_the_shell(tmp_path):

@@ -78,7 +78,7 @@ def unbroken(tmp_path_factory):
 
 def run(launch, ranks, **how):
     how = {"study": {}, "out": "results"} | how
-    return launch(ranks, [PROGRAM, json.dumps(how)], timeout=120)
+    return launch(ranks, [PROGRAM, json.dumps(how)], timeout=240)
 
 
 def close(out: Path, other: Path) -> bool:
@@ -98,21 +98,23 @@ def test_a_fault_of_one_rank(trial, launch, tmp_path, unbroken):
     fault = trial.given
     ended = run(launch, 2, ranks_per_case=2, fault=fault.__dict__)
     late = time.time() - min(path.stat().st_mtime for path in tmp_path.glob("injected-*"))
-    assert late < LIMIT_S
     assert ended.returncode != 0
     out = tmp_path / "results"
     statuses = {case: entry["status"] for case, entry in entries(out).items()}
     said = ended.stderr.count("injected")
     if trial.gives.startswith("the case fails"):
+        # No limit: the next case is solved.
         assert ended.returncode == 1
         assert statuses == {"A_combined": "failed", "B_combined": "solved"}
         assert "injected" in entries(out)["A_combined"]["message"]
         assert said == 2  # when it happens, and at the end
         assert "Traceback" not in ended.stderr
     elif fault.error == "SIGKILL":
+        assert late < LIMIT_S
         assert "signal 9" in ended.stderr  # mpirun says so
         assert statuses["B_combined"] == "running"
     else:
+        assert late < LIMIT_S
         assert said == 1
         assert ended.stderr.count("Traceback") <= 1
         assert statuses["B_combined"] == "running"

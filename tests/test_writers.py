@@ -4,18 +4,22 @@ import json
 import multiprocessing
 import os
 import stat
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
 import pytest
 import pyvista
 
+from calfsocket.errors import WriteError
 from calfsocket.outcomes import cell_outcomes, summary_rows
 from calfsocket.section_fields import TISSUES
 from calfsocket.writers import (
     FIELDS_FILE,
     merge_csv,
     read_fields,
+    remove_unfinished,
     replacing,
     write_fields,
     write_json,
@@ -217,3 +221,29 @@ def test_fields_read_back_without_loss(written):
 def test_fields_are_binary_and_compressed(written):
     head = (written[0] / FIELDS_FILE).read_bytes()[:2000]
     assert b"vtkZLibDataCompressor" in head and b'format="ascii"' not in head
+
+
+def test_what_killed_writers_left_is_removed_and_living_ones_are_left_alone(tmp_path):
+    program = (
+        "import os, signal, sys\n"
+        "from calfsocket.writers import replacing\n"
+        "with replacing(sys.argv[1]) as temporary:\n"
+        "    temporary.write_text('half')\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", program, tmp_path / "run.json"], check=False)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["half"]
+    with replacing(tmp_path / "run.json") as temporary:
+        remove_unfinished(tmp_path)
+        assert list(tmp_path.iterdir()) == [temporary]
+        temporary.write_text("whole")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["whole"]
+
+
+def test_a_table_that_is_none_is_named_and_left_as_it_is(tmp_path):
+    path = tmp_path / "summary.csv"
+    for content in (b"", b"\xff\x00", b"a,b\n1,2\n"):
+        path.write_bytes(content)
+        with pytest.raises(WriteError, match=r"summary\.csv: is not the table .* move it away"):
+            merge_csv(path, pd.DataFrame({"case": ["A"]}), ["case"], [])
+        assert path.read_bytes() == content
