@@ -16,11 +16,12 @@ from petsc4py import PETSc
 from rich.console import Console
 
 from calfsocket import compilation, outcomes, picture, sweep_table, writers
-from calfsocket.case import Case, Run, Settings, case_laws, region_laws, region_tissues
+from calfsocket.case import Case, Run, Settings, region_laws, region_tissues
 from calfsocket.contact_line import ContactLine
 from calfsocket.errors import CalfsocketError, InputError
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
+from calfsocket.inventory import about, laws_of_sets
 from calfsocket.laws import ogden_terms
 from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
 from calfsocket.progress import Event, Reporter
@@ -104,11 +105,11 @@ class Study:
             "limb": _fingerprint(self.limb.model_dump_json()),
             "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
             "thresholds": [asdict(threshold) for threshold in self.thresholds],
-            "cases": {case.name: self._own_inputs(case) for case in self.order},
+            "cases": {case.name: self.fingerprint(case) for case in self.order},
         }
 
-    def _own_inputs(self, case: Case) -> str:
-        """Tell whether a case of the same name is the same."""
+    def fingerprint(self, case: Case) -> str:
+        """Hash all that a case depends on but the limb."""
         own = {
             "socket": self.socket(case).model_dump(mode="json", exclude_none=True),
             "set": case.paper_set,
@@ -157,7 +158,7 @@ def run_study(
             except CalfsocketError as error:  # raised by all ranks of the group
                 farm.report(Event(case.name, str(error), 0.0, milestone=True))
                 entry = {"status": "failed", "message": str(error)}
-            farm.report({"name": case.name, **_about(case), **entry})
+            farm.report({"name": case.name, **about(case), **entry})
         farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
 
@@ -218,14 +219,14 @@ class Ledger:
             "ranks": ranks,
             "study": dict(study.origin),
             "inputs": inputs,
-            "laws": laws_of_sets(study),
+            "laws": laws_of_sets(study.order, study.settings, study.limb),
             "limb": study.limb.model_dump(mode="json"),
             "sockets": study.all_sockets.model_dump(mode="json", exclude_none=True),
             "petsc_options": PETSc.Options().getAll(),
             "finished": False,
             "seconds": 0.0,
             "cases": {name: entry for name, entry in earlier.items() if name not in self._asked}
-            | {case.name: {**_about(case), "status": "running"} for case in study.cases},
+            | {case.name: {**about(case), "status": "running"} for case in study.cases},
         }
         self._write()
 
@@ -325,32 +326,6 @@ def _write_case(study: Study, case: Case, fields: SectionFields, line: ContactLi
 
 def _merge(study: Study, name: str, rows: pd.DataFrame) -> None:
     writers.merge_csv(study.out / name, rows, KEY, [case.key for case in study.order])
-
-
-def _about(case: Case) -> dict[str, Any]:
-    """Tell in a case's entry of run.json what it is."""
-    return {
-        "socket": case.socket,
-        "material_set": case.material_set,
-        "paper_set": case.paper_set,
-        "changes": dict(case.changes),
-    }
-
-
-def laws_of_sets(study: Study) -> dict[str, dict[str, dict[str, Any]]]:
-    """Laws of the paper's sets, and of those of the study's own: set -> tissue or region -> law."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    for case in (*(Case("", name) for name in MATERIAL_SETS), *study.order):
-        if case.material_set in found:
-            continue
-        settings = study.settings_of(case)
-        regions = {region.name for region in study.limb.regions}
-        own = {name: law for name, law in settings.materials.items() if name in regions}
-        found[case.material_set] = {
-            name: {"law": law.name, **asdict(law)}
-            for name, law in {**own, **case_laws(case, settings)}.items()
-        }
-    return found
 
 
 def all_cases(sockets: Sockets) -> list[Case]:

@@ -12,13 +12,13 @@ import pytest
 from calfsocket import cli
 from calfsocket.case import Case, Settings, region_laws
 from calfsocket.commands import study as paper_command
+from calfsocket.inventory import laws_of_sets
 from calfsocket.laws import Hencky, Ogden
 from calfsocket.meshes import curves
 from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
 from calfsocket.meshes.loops import limb_curves
 from calfsocket.study import all_cases
 from calfsocket.studyfile import document, reading, schema
-from calfsocket.studyfile.build import to_study
 from calfsocket.studyfile.plan import Plan
 from calfsocket.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 
@@ -210,10 +210,7 @@ def test_laws_by_tissue_and_by_region(plan):
     assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
     assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(0.012, 0.49)
-    study = to_study(reading.read_study(STUDIES / "paper.toml"), made)
-    from calfsocket.study import laws_of_sets
-
-    laws = laws_of_sets(study)
+    laws = laws_of_sets(made.cases, made.settings, limb)
     assert list(laws) == ["separate", "combined", "own", "shared"]
     assert laws["own"]["soleus"]["e"] == 0.03 and "soleus" not in laws["shared"]
 

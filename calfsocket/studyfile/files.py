@@ -10,33 +10,7 @@ from calfsocket.errors import InputError
 from calfsocket.laws import Law
 from calfsocket.material_entry import entry_of
 from calfsocket.meshes.data import Point
-from calfsocket.meshes.schema import checked
-
-LARGEST_MB = 20
-"""No outline, material or study is that large; a disk image given by mistake is."""
-
-
-def regular_file(path: Path) -> Path:
-    """Return a path to read.
-
-    Raises
-    ------
-    InputError
-        When it is no file, such as a device that never ends, or too large.
-    """
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # a zero byte
-        raise InputError(f"{str(path)!r}: cannot be read ({error})") from None
-    if not path.is_file():
-        raise InputError(f"{path}: is no file; name a file")
-    if size > LARGEST_MB * 10**6:
-        raise InputError(
-            f"{path}: {size / 1e6:.0f} MB; files of a study have at most {LARGEST_MB} MB"
-        )
-    return path
+from calfsocket.meshes.schema import check_readable, checked, read_text
 
 
 class Files:
@@ -87,7 +61,8 @@ class Files:
                 raise InputError(f"{name}: is not among the files of that run")
             self._content[name] = dict(self._recorded[name])
             return
-        path = regular_file(self._folder / name)
+        path = self._folder / name
+        check_readable(path)
         content = read(path)
         self._content[name] = {"sha256": sha256(path), "content": content}
 
@@ -98,9 +73,30 @@ def sha256(path: Path) -> str:
 
 
 def _parsed_toml(path: Path) -> dict[str, Any]:
+    return parsed(path, tomllib.loads, "TOML")
+
+
+def parsed(path: Path, parse: Callable[[str], Any], form: str) -> dict[str, Any]:
+    """Read and parse a file of tables.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read, is empty or is not of the form.
+    """
+    text = read_text(path)
+    if not text.strip():
+        raise InputError(f"{path}: is empty; `new` writes an example of a study to start from")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # no UTF-8, no TOML
-        raise InputError(f"{path}: {error}") from None
+        content = parse(text)
+    except RecursionError:
+        raise InputError(
+            f"{path}: is nested too deeply; tables of a study have five levels"
+        ) from None
+    except ValueError as error:
+        # Python's advice on numbers of thousands of digits is for programmers.
+        why = str(error).split("; use sys.")[0]
+        raise InputError(f"{path}: is no {form}: {why}") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds no tables; `new` writes an example of a study")
+    return content

@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -10,9 +10,9 @@ from typing import Any
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.data import Limb, Sockets, load_limb, load_sockets
-from calfsocket.meshes.schema import checked, read_text
+from calfsocket.meshes.schema import check_readable, checked
 from calfsocket.studyfile.document import REFERENCE_SOCKETS
-from calfsocket.studyfile.files import Files, regular_file, sha256
+from calfsocket.studyfile.files import Files, parsed, sha256
 from calfsocket.studyfile.plan import Plan, Planner
 
 
@@ -75,16 +75,17 @@ def read_study(path: Path) -> StudyFile:
     InputError
         When it cannot be read, or names a limb that cannot be used.
     """
-    path = regular_file(Path(path))
+    path = Path(path)
     if path.suffix == ".json":
         return _of_run(path)
-    content = _parsed(path, tomllib.loads, "TOML")
+    content = parsed(path, tomllib.loads, "TOML")
     hashes = {path.name: sha256(path)}
     table = content.get("study")
     name = table.get("limb") if isinstance(table, dict) else None
     limb_path = None
     if isinstance(name, str):
-        limb_path = regular_file(path.parent / name)
+        limb_path = path.parent / name
+        check_readable(limb_path)
         hashes[name] = sha256(limb_path)
     return StudyFile(
         path, content, Files(path.parent), load_limb(limb_path), load_sockets(), sha256=hashes
@@ -104,7 +105,7 @@ def example() -> str:
 
 def _of_run(path: Path) -> StudyFile:
     """Read what an earlier run was made of."""
-    run = _parsed(path, json.loads, "JSON")
+    run = parsed(path, json.loads, "JSON")
     try:
         study = run["study"]
         reference = dict(run["sockets"])
@@ -130,20 +131,3 @@ def _of_run(path: Path) -> StudyFile:
             f"{path}: is not the run.json of a study ({type(error).__name__}: {error}); "
             "name a study file, or a run.json that this version wrote"
         ) from None
-
-
-def _parsed(path: Path, parse: Callable[[str], Any], format_name: str) -> dict[str, Any]:
-    text = read_text(path)
-    if not text.strip():
-        raise InputError(f"{path}: is empty; `new` writes an example to start from")
-    try:
-        content = parse(text)
-    except RecursionError:
-        raise InputError(
-            f"{path}: tables are nested too deeply; a study needs five levels"
-        ) from None
-    except ValueError as error:
-        raise InputError(f"{path}: is no {format_name}: {error}") from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: is no study; `new` writes an example to start from")
-    return content
