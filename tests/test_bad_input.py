@@ -153,10 +153,10 @@ TRIALS = (
     Trial("a file of 1 GB", a_huge_file, ("MB; at most",)),
     Trial("an empty file", "", ("is empty", "`new`")),
     Trial("a binary file", bytes(range(256)), ("UTF-8",)),
-    Trial("text that is no TOML", "sockets: [TC]", ("is no TOML", "line 1")),
-    Trial("a key twice", TWO_LISTS + "sockets = []\n", ("is no TOML", "line 4")),
+    Trial("text that is no TOML", "sockets: [TC]", ("study.toml: Expected", "line 1")),
+    Trial("a key twice", TWO_LISTS + "sockets = []\n", ("study.toml: Cannot overwrite", "line 4")),
     Trial("tables nested 10 000 deep", "a = " + "[" * 10000, ("nested too deeply",)),
-    Trial("a number of 10 000 digits", "a = " + "9" * 10000, ("is no TOML",)),
+    Trial("a number of 10 000 digits", "a = " + "9" * 10000, ("4300 digits",)),
     # Keys
     Trial("an unknown table", GOOD + "[modle]\n", ("unknown key 'modle'", "'model'")),
     Trial("an unknown key", edited("size", "sise"), ("model: unknown key 'sise'", "'size'")),

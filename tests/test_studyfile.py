@@ -3,13 +3,14 @@
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 
-from calfsocket import cli
+from calfsocket import cli, variants
 from calfsocket.case import Case, Settings, region_laws
 from calfsocket.commands import study as paper_command
 from calfsocket.inventory import laws_of_sets
@@ -19,6 +20,7 @@ from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
 from calfsocket.meshes.loops import limb_curves
 from calfsocket.study import all_cases
 from calfsocket.studyfile import document, reading, schema
+from calfsocket.studyfile.build import to_study
 from calfsocket.studyfile.plan import Plan
 from calfsocket.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 
@@ -63,6 +65,16 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     assert study.settings.materials == {"fat": Hencky(0.003, 0.4)}
     assert study.origin["content"]["model"]["friction"] == 0.3
     assert study.origin["files"][str(law)]["content"]["nu"] == 0.4
+
+
+def test_every_variant_of_the_paper_is_a_file_that_repeats_it():
+    file = reading.paper_study()
+    study = to_study(file, file.plan(), Path("out"))
+    family = variants.studies(study)
+    assert len(family) == 1 + len(variants.VARIANTS)
+    for each in family:
+        again = replace(file, content=each.origin["content"]).plan()
+        assert again.settings == each.settings and again.cases == each.cases
 
 
 # ----- the example, and what editors use

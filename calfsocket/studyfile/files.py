@@ -1,7 +1,6 @@
 """Files that a study file names: read once, from beside it, and kept for run.json."""
 
 import hashlib
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from calfsocket.errors import InputError
 from calfsocket.laws import Law
 from calfsocket.material_entry import entry_of
 from calfsocket.meshes.data import Point
-from calfsocket.meshes.schema import check_readable, checked, read_text
+from calfsocket.meshes.schema import check_readable, checked, read_toml
 
 
 class Files:
@@ -46,7 +45,7 @@ class Files:
     def law(self, name: str) -> Law:
         """Law of a material file."""
         if name not in self._content:
-            self._read(name, _parsed_toml)
+            self._read(name, read_toml)
         content = self._content[name]["content"]
         path = self._folder / name
         try:
@@ -70,33 +69,3 @@ class Files:
 def sha256(path: Path) -> str:
     """Return the hash of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _parsed_toml(path: Path) -> dict[str, Any]:
-    return parsed(path, tomllib.loads, "TOML")
-
-
-def parsed(path: Path, parse: Callable[[str], Any], form: str) -> dict[str, Any]:
-    """Read and parse a file of tables.
-
-    Raises
-    ------
-    InputError
-        When it cannot be read, is empty or is not of the form.
-    """
-    text = read_text(path)
-    if not text.strip():
-        raise InputError(f"{path}: is empty; `new` writes an example of a study to start from")
-    try:
-        content = parse(text)
-    except RecursionError:
-        raise InputError(
-            f"{path}: is nested too deeply; tables of a study have five levels"
-        ) from None
-    except ValueError as error:
-        # Python's advice on numbers of thousands of digits is for programmers.
-        why = str(error).split("; use sys.")[0]
-        raise InputError(f"{path}: is no {form}: {why}") from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: holds no tables; `new` writes an example of a study")
-    return content

@@ -1,7 +1,6 @@
 """Study files read: TOML as a person writes it, or the run.json of an earlier run."""
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -10,9 +9,9 @@ from typing import Any
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.data import Limb, Sockets, load_limb, load_sockets
-from calfsocket.meshes.schema import check_readable, checked
+from calfsocket.meshes.schema import check_readable, checked, read_text, read_toml
 from calfsocket.studyfile.document import REFERENCE_SOCKETS
-from calfsocket.studyfile.files import Files, parsed, sha256
+from calfsocket.studyfile.files import Files, sha256
 from calfsocket.studyfile.plan import Plan, Planner
 
 
@@ -78,7 +77,9 @@ def read_study(path: Path) -> StudyFile:
     path = Path(path)
     if path.suffix == ".json":
         return _of_run(path)
-    content = parsed(path, tomllib.loads, "TOML")
+    content = read_toml(path)
+    if not content:
+        raise InputError(f"{path}: is empty; `new` writes an example to start from")
     hashes = {path.name: sha256(path)}
     table = content.get("study")
     name = table.get("limb") if isinstance(table, dict) else None
@@ -105,7 +106,7 @@ def example() -> str:
 
 def _of_run(path: Path) -> StudyFile:
     """Read what an earlier run was made of."""
-    run = parsed(path, json.loads, "JSON")
+    run = _parsed_json(path)
     try:
         study = run["study"]
         reference = dict(run["sockets"])
@@ -131,3 +132,14 @@ def _of_run(path: Path) -> StudyFile:
             f"{path}: is not the run.json of a study ({type(error).__name__}: {error}); "
             "name a study file, or a run.json that this version wrote"
         ) from None
+
+
+def _parsed_json(path: Path) -> Any:
+    try:
+        return json.loads(read_text(path))
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"{path}: is no JSON: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: is nested too deeply") from None
