@@ -104,6 +104,15 @@ def another_json(folder: Path) -> Sequence[str]:
 
 
 def a_run_of_changed_cases(folder: Path) -> Sequence[str]:
+    return rerun(folder, cases={"HS_separate": {}})
+
+
+def a_run_whose_petsc_writes(folder: Path) -> Sequence[str]:
+    return rerun(folder, petsc_options={"calfsocket_ksp_view_mat": "binary:/etc/x"})
+
+
+def rerun(folder: Path, **changed: object) -> Sequence[str]:
+    """Write a run.json of TC_separate with something changed; return how to run it again."""
     from calfsocket.meshes.data import load_limb, load_sockets
 
     run = {
@@ -111,9 +120,10 @@ def a_run_of_changed_cases(folder: Path) -> Sequence[str]:
         "limb": load_limb().model_dump(mode="json"),
         "sockets": load_sockets().model_dump(mode="json"),
         "petsc_options": {},
-        "cases": {"HS_separate": {}},
+        "cases": {"TC_separate": {}},
     }
     run["study"] |= {"files": {}, "sha256": {}}
+    run |= changed
     (folder / "run.json").write_text(json.dumps(run))
     return ["run", str(folder / "run.json")]
 
@@ -343,6 +353,8 @@ TRIALS = (
           ("run.json: is not the run.json of a study",)),
     Trial("a run.json whose cases were changed", a_run_of_changed_cases,
           ("HS_separate", "changed")),
+    Trial("a run.json that lets PETSc write a file", a_run_whose_petsc_writes,
+          ("petsc_options.calfsocket_ksp_view_mat: is 'binary:/etc/x'", "command line")),
     Trial("results where no folder can be made", a_folder_that_cannot_be_made,
           ("/proc/calfsocket",)),
     Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,

@@ -1,6 +1,7 @@
 """Study files read: TOML as a person writes it, or the run.json of an earlier run."""
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -123,7 +124,7 @@ def _of_run(path: Path) -> StudyFile:
             reference=checked(path, reference, Sockets),
             sha256={path.name: sha256(path), **study["sha256"]},
             only=tuple(run["cases"]),
-            petsc_options=dict(run["petsc_options"]),
+            petsc_options=_harmless(path, dict(run["petsc_options"])),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, InputError):
@@ -132,6 +133,17 @@ def _of_run(path: Path) -> StudyFile:
             f"{path}: is not the run.json of a study ({type(error).__name__}: {error}); "
             "name a study file, or a run.json that this version wrote"
         ) from None
+
+
+def _harmless(path: Path, options: dict[str, str]) -> dict[str, str]:
+    """Refuse options of PETSc that name files: its viewers would write them anywhere."""
+    for name, value in options.items():
+        if not (re.fullmatch(r"[a-z0-9_]+", name) and re.fullmatch(r"[\w.+-]*", value)):
+            raise InputError(
+                f"{path}: petsc_options.{name}: is {value!r}; give it on the command line, "
+                "-NAME VALUE, if it is wanted, and take it out here"
+            )
+    return options
 
 
 def _parsed_json(path: Path) -> Any:
