@@ -15,7 +15,7 @@ from calfsocket.case import Case, Settings, region_laws
 from calfsocket.commands import study as paper_command
 from calfsocket.inventory import laws_of_sets
 from calfsocket.laws import Hencky, Ogden
-from calfsocket.meshes import curves
+from calfsocket.meshes import curves, data
 from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
 from calfsocket.meshes.loops import limb_curves
 from calfsocket.study import all_cases
@@ -235,6 +235,17 @@ def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
         '[materials.a]\nlike = "combined"\n[materials.b]\n'
     )
     assert [step_control(case, made.settings).predict for case in made.cases] == [True, False]
+
+
+def test_another_limb_is_read_from_beside_the_study(tmp_path):
+    calf = json.loads(Path(data.__file__).with_name("calf.json").read_text())
+    calf["title"] = "another"
+    (tmp_path / "limb.json").write_text(json.dumps(calf))
+    path = tmp_path / "study.toml"
+    path.write_text(BASE.replace("[study]", '[study]\nlimb = "limb.json"'))
+    file = reading.read_study(path)
+    assert file.plan().limb.title == "another"
+    assert file.sha256.keys() == {"study.toml", "limb.json"}
 
 
 # ----- cases and sweeps

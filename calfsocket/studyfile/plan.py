@@ -207,7 +207,10 @@ class Planner:
                 )
         for name, entry in document.materials.items():
             self._check_tissues(f"materials.{name}", entry.model_extra or {}, [entry.like])
-        self._check_tissues("laws", document.laws, list(MATERIAL_SETS))
+        used = [*document.study.materials, *(case.materials for case in document.cases)]
+        own = {name: entry.like for name, entry in document.materials.items()}
+        sets = [own.get(name, cast(MaterialSet, name)) for name in used]
+        self._check_tissues("laws", document.laws, sets)
 
     def _check_tissues(
         self, place: str, entries: Mapping[str, Any], sets: list[MaterialSet]
