@@ -3,17 +3,16 @@
 import logging
 import time
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from petsc4py import PETSc
 
 from calfsocket import resume, sweep_table, writers
-from calfsocket.case import Case, case_laws
+from calfsocket.case import Case
 from calfsocket.checkpoint import CHECKPOINT_FILE
+from calfsocket.inventory import about, laws_of_sets
 from calfsocket.sweep_table import SWEEP_FILE
-from calfsocket.tissues import MATERIAL_SETS
 from calfsocket.versions import versions
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ class Ledger:
             "ranks": ranks,
             "study": dict(study.origin),
             "inputs": inputs,
-            "laws": laws_of_sets(study),
+            "laws": laws_of_sets(study.order, study.settings, study.limb),
             "limb": study.limb.model_dump(mode="json"),
             "sockets": study.all_sockets.model_dump(mode="json", exclude_none=True),
             "finished": False,
@@ -147,29 +146,3 @@ def _cases_table(entries: Mapping[str, Any]) -> pd.DataFrame:
             for name, entry in entries.items()
         ]
     )
-
-
-def about(case: Case) -> dict[str, Any]:
-    """Tell in a case's entry of run.json what it is."""
-    return {
-        "socket": case.socket,
-        "material_set": case.material_set,
-        "paper_set": case.paper_set,
-        "changes": dict(case.changes),
-    }
-
-
-def laws_of_sets(study: "Study") -> dict[str, dict[str, dict[str, Any]]]:
-    """Laws of the paper's sets, and of those of the study's own: set -> tissue or region -> law."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    for case in (*(Case("", name) for name in MATERIAL_SETS), *study.order):
-        if case.material_set in found:
-            continue
-        settings = study.settings_of(case)
-        regions = {region.name for region in study.limb.regions}
-        own = {name: law for name, law in settings.materials.items() if name in regions}
-        found[case.material_set] = {
-            name: {"law": law.name, **asdict(law)}
-            for name, law in {**own, **case_laws(case, settings)}.items()
-        }
-    return found

@@ -15,7 +15,6 @@ ranges are those of `laws`. The provenance is for people: any keys with texts an
 
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ import calfsocket
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, Yeoh
 from calfsocket.material_entry import entry_of
-from calfsocket.meshes.schema import checked, read_text
+from calfsocket.meshes.schema import checked, read_toml
 from calfsocket.tissues import MaterialSet, materials_of
 from calfsocket.units import COMPLIANCE, STRESS
 from calfsocket.writers import replacing
@@ -41,10 +40,7 @@ def read_material(path: Path) -> Law:
         When it cannot be read or holds no law, naming the file, the key and what is allowed.
     """
     path = Path(path)
-    try:
-        content = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}") from error
+    content = read_toml(path)
     try:
         model = entry_of(content)
     except InputError as error:

@@ -15,8 +15,9 @@ from calfsocket import compilation
 from calfsocket.case import Case, Settings, region_laws
 from calfsocket.errors import CalfsocketError, InputError
 from calfsocket.farm import Farm
+from calfsocket.inventory import about
 from calfsocket.laws import ogden_terms
-from calfsocket.ledger import FILES, RUN_FILE, Ledger, about
+from calfsocket.ledger import FILES, RUN_FILE, Ledger
 from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
 from calfsocket.progress import Event, Reporter
 from calfsocket.running import try_case
@@ -91,15 +92,15 @@ class Study:
             "limb": _fingerprint(self.limb.model_dump_json()),
             "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
             "thresholds": [asdict(threshold) for threshold in self.thresholds],
-            "cases": {case.name: self._own_inputs(case) for case in self.order},
+            "cases": {case.name: self.fingerprint(case) for case in self.order},
         }
 
     def inputs_of(self, case: Case) -> dict[str, Any]:
         """Everything that the solution of a case depends on."""
-        return {"limb": _fingerprint(self.limb.model_dump_json()), "case": self._own_inputs(case)}
+        return {"limb": _fingerprint(self.limb.model_dump_json()), "case": self.fingerprint(case)}
 
-    def _own_inputs(self, case: Case) -> str:
-        """Tell whether a case of the same name is the same."""
+    def fingerprint(self, case: Case) -> str:
+        """Hash all that a case depends on but the limb."""
         own = {
             "socket": self.socket(case).model_dump(mode="json", exclude_none=True),
             "set": case.paper_set,

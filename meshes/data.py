@@ -1,5 +1,6 @@
 """The limb and the sockets as data: calf.json and sockets.json, read and checked."""
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -21,15 +22,19 @@ from calfsocket.meshes.schema import Strict, nearest, read_json
 #: A length, mm, with a sign. No section of a limb is wider; sampling one of 10 km would not end.
 Length = Annotated[float, Field(ge=-1000, le=1000)]
 Thickness = Annotated[float, Field(gt=0, le=1000)]
+#: How far a socket's face may lie from the skin, mm.
+Offset = Annotated[float, Field(ge=-100, le=100)]
 Point = tuple[Length, Length]
 Angle = float
+#: Points of a curve that are closer together than this, mm, are one.
+SAME_POINT = 1e-3
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
 
 
 def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
     for point, following in pairwise((*value, value[0])):
-        if point == following:
+        if math.dist(point, following) <= SAME_POINT:
             raise ValueError(f"point {list(point)} follows itself; do not repeat points")
     return value
 
@@ -206,7 +211,7 @@ class Bump(Strict):
     site: str = ""
     center: Angle
     width: PositiveFloat
-    amplitude: Length
+    amplitude: Offset
 
 
 class _Shape(Strict):
@@ -221,7 +226,7 @@ class NormalOffset(_Shape):
     """
 
     law: Literal["normal_offset"]
-    base: Length
+    base: Offset
     bumps: tuple[Bump, ...] = ()
 
 

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.curves import Array
+from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.loops import self_crossing
 
-#: Points closer together than this, mm, are one.
-SAME_POINT = 1e-3
 #: Pieces are joined where their ends are at most this far apart, mm.
 JOINT = 0.01
 #: Width and height of an outline, mm. A leg is 60 to 250 mm thick; lengths in m, cm or inch taken
@@ -147,24 +146,27 @@ class Drawn:
 
 def _at(point: Array) -> str:
     """Return a point as people read it."""
-    return f"({point[0]:.2f}, {point[1]:.2f}) mm"
+    x, y = np.round(point, 2) + 0.0  # no -0
+    return f"({x:.2f}, {y:.2f}) mm"
 
 
 def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: str = "") -> None:
     """Raise an InputError unless width and height of points, mm, lie in the range allowed."""
-    size = np.ptp(points, axis=0)
-    low, high = allowed
-    if low <= size.min() and size.max() <= high:
-        return
-    meant = [
-        name
-        for name, factor in _OTHER_UNITS.items()
-        if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
-    ]
-    hint = f" (drawn in {' or '.join(meant)}?)" if meant else ""
+    with np.errstate(over="ignore"):
+        size = np.ptp(points, axis=0)
+        low, high = allowed
+        if low <= size.min() and size.max() <= high:
+            return
+        meant = [
+            name
+            for name, factor in _OTHER_UNITS.items()
+            if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
+        ]
+    remedy = f"{unit}, correct that" if unit else "give lengths in mm"
+    hint = f" (drawn in {' or '.join(meant)}?)" if meant and not unit else ""
     raise InputError(
-        f"{path}: the outline is {size[0]:.4g} x {size[1]:.4g} mm{hint}{unit and '; '}{unit};"
-        f" allowed are {EXTENT[0]:g} to {EXTENT[1]:g} mm: give lengths in mm"
+        f"{path}: the outline is {size[0]:.3g} x {size[1]:.3g} mm{hint}; allowed are"
+        f" {EXTENT[0]:g} to {EXTENT[1]:g} mm: {remedy}"
     )
 
 

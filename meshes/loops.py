@@ -71,6 +71,11 @@ def check_loops(limb: Limb, source: Path) -> None:
             raise InputError(
                 f"{source}: curves.{name}: crosses itself at {at(crossing)}; move its points apart"
             )
+    if not inside(np.zeros(2), samples[limb.contact_boundary]):
+        raise InputError(
+            f"{source}: curves.{limb.contact_boundary}: does not go round the origin, about which"
+            " angles are measured; shift all curves so that it does"
+        )
     trees = {name: cKDTree(points) for name, points in samples.items()}
     for name, other in combinations(samples, 2):
         gaps = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0]
@@ -80,11 +85,6 @@ def check_loops(limb: Limb, source: Path) -> None:
                 f"{source}: curves.{name}: comes within {gaps.min():.3f} mm of '{other}' at"
                 f" {at(nearest)}; keep curves {MIN_GAP} mm apart"
             )
-    if not inside(np.zeros(2), samples[limb.contact_boundary]):
-        raise InputError(
-            f"{source}: curves.{limb.contact_boundary}: does not go round the origin, about which"
-            " angles are measured; shift all curves so that it does"
-        )
     # Curves that do not touch lie inside one another wholly or not at all: one point tells.
     for region in limb.regions:
         place = f"{source}: regions.{region.name}"
@@ -123,4 +123,5 @@ def crossing_of(curve: ClosedCurve) -> Array | None:
 
 def at(point: Array) -> str:
     """Return a point as people read it: its polar angle and its coordinates."""
-    return f"{polar_angle(point):.0f} degrees, ({point[0]:.2f}, {point[1]:.2f}) mm"
+    x, y = np.round(point, 2) + 0.0  # no -0
+    return f"{round(float(polar_angle(point))) % 360} degrees, ({x:.2f}, {y:.2f}) mm"

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calfsocket.errors import InputError
 from calfsocket.meshes import curves
@@ -15,34 +16,32 @@ from calfsocket.meshes.outline_svg import read_svg
 
 #: Readers by the ending of the file's name.
 READERS = {".csv": read_csv, ".dxf": read_dxf, ".svg": read_svg}
-#: Points up to this number are taken as they are. A spline with more makes meshing slow.
-MANY_POINTS = 400
-#: Largest distance, mm, of a spline through fewer points from those left out.
-TOLERANCE = 2e-3
+#: Points up to this number are taken as they are. Meshing takes 1.3 s with 400, 1.7 s with 1000.
+MANY_POINTS = 1000
+#: Largest distance, mm, of a spline through fewer points from those left out: the first that can be
+#: kept. Waves of 0.002 mm change the largest contact pressure by 2 %; what was measured to 0.01 mm
+#: and written down every 0.1 mm cannot be followed more closely.
+TOLERANCES = (1e-4, 1e-3, 1e-2)
 
 
-def read_outline(
-    path: Path | str, shift: Point = (0.0, 0.0), rotation: float = 0.0
-) -> tuple[Point, ...]:
-    """Read the inner face of a socket, drawn in the limb's frame or placed in it.
+def read_outline(path: Path | str) -> tuple[Point, ...]:
+    """Read the inner face of a socket.
 
-    The frame is the limb's: x to the lateral side, y to the front, seen from above, origin where
-    the limb's data have it (the calf: the centroid of the skin's outline).
+    The frame is the limb's: x to the lateral side, y to the front, a right leg seen from above,
+    with the origin where the limb's data have it (the calf: the centroid of the skin's outline).
+    What was drawn elsewhere is moved by `shift` and `rotation` of `data.Outline`.
 
     Parameters
     ----------
     path
         A file that ends in .csv, .dxf or .svg.
-    shift
-        Where the origin of the drawing goes, mm.
-    rotation
-        By how much the drawing is turned about its origin first, degrees, counter-clockwise.
 
     Returns
     -------
     tuple of (x, y)
         In mm, counter-clockwise, for `curves.through`. The vertices of straight-sided outlines are
-        points of a smooth curve and kept as they are; curved ones are followed to 0.02 mm.
+        points of a smooth curve and kept as they are; what has a curve in it is followed to
+        0.02 mm. Turns of up to 30 degrees are rounded off.
 
     Raises
     ------
@@ -59,10 +58,7 @@ def read_outline(
         )
     drawn = reader(path)
     drawn.check()
-    points = _thinned(drawn)
-    turn = np.deg2rad(rotation)
-    turned = points @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return tuple((float(x), float(y)) for x, y in turned + np.asarray(shift))
+    return tuple((float(x), float(y)) for x, y in _thinned(drawn))
 
 
 def _thinned(drawn: Drawn) -> Array:
@@ -74,23 +70,31 @@ def _thinned(drawn: Drawn) -> Array:
     number = len(points)
     if number <= MANY_POINTS:
         return points
+    for tolerance in TOLERANCES:
+        kept = _knots(points, tolerance)
+        if kept is not None:
+            return points[kept]
+    raise InputError(
+        f"{drawn.path}: the outline is so rough that {MANY_POINTS} points do not follow it to"
+        f" {TOLERANCES[-1]} mm; smooth it"
+    )
+
+
+def _knots(points: Array, tolerance: float) -> NDArray[np.int64] | None:
+    """Return the indices of points through which a spline comes near all others, if few do."""
+    number = len(points)
+    chord = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
+    along = np.append(0.0, np.cumsum(chord))
     kept = np.linspace(0, number, 33)[:-1].astype(int)
     while len(kept) <= MANY_POINTS:
         curve = curves.through(points[kept])
-        chord = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
-        along = np.append(0.0, np.cumsum(chord))
         ends = np.append(kept, number)
         # The parameter of a point left out: its share of the way between the two that stay.
         t = np.interp(along[:-1], along[ends], curve.knots)
         off = points - curve.evaluate(t)
-        distance = np.abs(np.sum(off * curve.normal(t), axis=1))
-        far = distance > TOLERANCE
+        far = np.abs(np.sum(off * curve.normal(t), axis=1)) > tolerance
         if not far.any():
-            return points[kept]
+            return kept
         interval = np.unique(np.searchsorted(kept, np.flatnonzero(far), side="right") - 1)
-        middle = (ends[interval] + ends[interval + 1]) // 2
-        kept = np.union1d(kept, middle)
-    raise InputError(
-        f"{drawn.path}: the outline is so rough that {MANY_POINTS} points do not follow it to"
-        f" {TOLERANCE} mm; smooth it"
-    )
+        kept = np.union1d(kept, (ends[interval] + ends[interval + 1]) // 2)
+    return None

@@ -16,11 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from calfsocket.errors import InputError
-from calfsocket.meshes.drawn import SAME_POINT, Drawn
+from calfsocket.meshes.data import SAME_POINT
+from calfsocket.meshes.drawn import Drawn
 from calfsocket.meshes.schema import read_text
 
 #: The outline is open where it closes with a side this many times as long as the longest other.
 _OPENING = 3.0
+#: No outline has larger coordinates, mm, in whatever unit it was drawn.
+_LARGEST = 1e9
 _HEADER = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
@@ -70,7 +73,7 @@ def _check_header(path: Path, number: int, cells: list[str]) -> None:
 
 def _point(path: Path, number: int, cells: list[str], separator: str) -> tuple[float, float]:
     if len(cells) != 2:
-        raise InputError(f"{path}, line {number}: {len(cells)} cells; give two, x and y in mm")
+        raise InputError(f"{path}, line {number}: needs two cells, x and y in mm; has {len(cells)}")
     x, y = (_number(path, number, cell, separator) for cell in cells)
     return x, y
 
@@ -78,9 +81,9 @@ def _point(path: Path, number: int, cells: list[str], separator: str) -> tuple[f
 def _number(path: Path, number: int, cell: str, separator: str) -> float:
     if _is_number(cell, separator):
         value = float(_plain(cell, separator))
-        if np.isfinite(value):
+        if abs(value) <= _LARGEST:
             return value
-    raise InputError(f"{path}, line {number}: {cell.strip()!r} is no finite number; give mm")
+    raise InputError(f"{path}, line {number}: {cell.strip()!r} is no length; give a number of mm")
 
 
 def _is_number(cell: str, separator: str) -> bool:

@@ -21,7 +21,7 @@ from calfsocket.meshes.schema import check_readable
 
 TYPES = ("LWPOLYLINE", "POLYLINE", "SPLINE", "CIRCLE", "ELLIPSE", "LINE", "ARC")
 #: Distance, mm, from a curve to the chords that stand for it; their ends are on the curve.
-_FLATNESS = 1e-4
+_FLATNESS = 1e-5
 #: Bezier pieces of an arc, at least: to 1e-6 mm on a circle of 100 mm, where one is 0.03 mm off.
 _ARC_PIECES = 16
 #: Times a spline that is no plain cubic is halved on the way to Bezier pieces.
@@ -56,7 +56,8 @@ def read_dxf(path: Path) -> Drawn:
 def _unit(path: Path, document: Drawing) -> tuple[float, str]:
     """Return the drawing's unit in mm, and what the drawing says of it."""
     number = document.units
-    if number == 0:
+    # Where a drawing has no header at all, the library says metres.
+    if number == 0 or b"$INSUNITS" not in path.read_bytes():
         return 1.0, ""
     name = units.unit_name(number).lower()
     try:
@@ -77,8 +78,9 @@ def _piece(path: Path, entity: DXFEntity, scale: float, unit: str) -> Piece:
             " and delete the rest"
         )
     try:
-        curve = dxf_path.make_path(entity, segments=_ARC_PIECES, level=_SPLINE_LEVEL)
-        curve = curve.transform(Matrix44.scale(scale))
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            curve = dxf_path.make_path(entity, segments=_ARC_PIECES, level=_SPLINE_LEVEL)
+            curve = curve.transform(Matrix44.scale(scale))
         control = np.array([tuple(point) for point in curve.control_vertices()]).reshape(-1, 3)
     except Exception as error:  # of the library's own, on entities that contradict themselves
         raise InputError(f"{path}, {place}: cannot be read; draw it again") from error

@@ -15,7 +15,8 @@ import svgelements
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import EXTENT, SAME_POINT, STEP, Drawn, Piece, check_extent, joined
+from calfsocket.meshes.data import SAME_POINT
+from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
 from calfsocket.meshes.schema import read_text
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
@@ -79,8 +80,9 @@ def _unit(path: Path, root: ElementTree.Element) -> float:
             continue
         found = _LENGTH.fullmatch(text or "")
         if not found or (found[2] or "px") not in _MM or float(found[1]) <= 0:
+            what = "missing" if text is None else repr(text)
             raise InputError(
-                f"{path}: {name} is {text!r}; beside a viewBox give it with a unit, e.g. 150mm"
+                f"{path}: {name} is {what}; beside a viewBox give it with a unit, e.g. 150mm"
             )
         scales.append(float(found[1]) * _MM[found[2] or "px"] / side)
     if max(scales) > 1.001 * min(scales):
@@ -184,7 +186,9 @@ def _piece(
 
 
 def _at(segment: svgelements.PathSegment, number: int) -> Array:
-    return np.asarray(segment.npoint(np.linspace(0.0, 1.0, number)), dtype=float).reshape(-1, 2)
+    with np.errstate(all="ignore"):  # what is not finite is refused
+        points = segment.npoint(np.linspace(0.0, 1.0, number))
+    return np.asarray(points, dtype=float).reshape(-1, 2)
 
 
 def _merged(pieces: list[Piece]) -> Iterator[Piece]:

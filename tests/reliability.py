@@ -78,7 +78,7 @@ def _given(subject: ModuleType, trial: Trial) -> str:
     if trial.gives:
         return trial.gives
     with tempfile.TemporaryDirectory() as folder:
-        return f"`{subject.said(trial, Path(folder))}`"
+        return f"`` {subject.said(trial, Path(folder))} ``"
 
 
 def _cell(text: str) -> str:

@@ -104,6 +104,15 @@ def another_json(folder: Path) -> Sequence[str]:
 
 
 def a_run_of_changed_cases(folder: Path) -> Sequence[str]:
+    return rerun(folder, cases={"HS_separate": {}})
+
+
+def a_run_whose_petsc_writes(folder: Path) -> Sequence[str]:
+    return rerun(folder, petsc_options={"calfsocket_ksp_view_mat": "binary:/etc/x"})
+
+
+def rerun(folder: Path, **changed: object) -> Sequence[str]:
+    """Write a run.json of TC_separate with something changed; return how to run it again."""
     from calfsocket.meshes.data import load_limb, load_sockets
 
     run = {
@@ -111,9 +120,10 @@ def a_run_of_changed_cases(folder: Path) -> Sequence[str]:
         "limb": load_limb().model_dump(mode="json"),
         "sockets": load_sockets().model_dump(mode="json"),
         "petsc_options": {},
-        "cases": {"HS_separate": {}},
+        "cases": {"TC_separate": {}},
     }
     run["study"] |= {"files": {}, "sha256": {}}
+    run |= changed
     (folder / "run.json").write_text(json.dumps(run))
     return ["run", str(folder / "run.json")]
 
@@ -150,13 +160,13 @@ TRIALS = (
     Trial("a folder", a_folder, ("is no file",)),
     Trial("a pipe that nobody writes to", a_pipe, ("study.toml", "is no file")),
     Trial("a device without an end", a_device, ("/dev/zero", "is no file")),
-    Trial("a file of 1 GB", a_huge_file, ("1000 MB", "at most")),
+    Trial("a file of 1 GB", a_huge_file, ("MB; at most",)),
     Trial("an empty file", "", ("is empty", "`new`")),
     Trial("a binary file", bytes(range(256)), ("UTF-8",)),
-    Trial("text that is no TOML", "sockets: [TC]", ("is no TOML", "line 1")),
-    Trial("a key twice", TWO_LISTS + "sockets = []\n", ("is no TOML", "line 4")),
+    Trial("text that is no TOML", "sockets: [TC]", ("study.toml: Expected", "line 1")),
+    Trial("a key twice", TWO_LISTS + "sockets = []\n", ("study.toml: Cannot overwrite", "line 4")),
     Trial("tables nested 10 000 deep", "a = " + "[" * 10000, ("nested too deeply",)),
-    Trial("a number of 10 000 digits", "a = " + "9" * 10000, ("is no TOML",)),
+    Trial("a number of 10 000 digits", "a = " + "9" * 10000, ("4300 digits",)),
     # Keys
     Trial("an unknown table", GOOD + "[modle]\n", ("unknown key 'modle'", "'model'")),
     Trial("an unknown key", edited("size", "sise"), ("model: unknown key 'sise'", "'size'")),
@@ -170,8 +180,10 @@ TRIALS = (
         fat('{ law = "hencky", e = "1 kPa", nu = 0.4, K = 3 }'),
         ("materials.soft.fat: unknown key 'K'", "nu"),
     ),
-    Trial("a table where a number belongs", GOOD.replace('"coarse"', "{ a = 1 }"), ("model.size",)),
-    Trial("a value where a table belongs", 'study = "mine"', ("study: is 'mine'",)),
+    Trial("a table where a number belongs", GOOD.replace('"coarse"', "{ a = 1 }"),
+          ("model.size: is {'a': 1}",)),
+    Trial("a value where a table belongs", 'study = "mine"',
+          ("study: is 'mine'; it must be a table",)),
     # Cases
     Trial("no case", "[study]\n", ("study.sockets: names nothing", "TC, TSB, HS")),
     Trial("no material set", '[study]\nsockets = ["TC"]\n', ("study.materials", "separate")),
@@ -230,7 +242,8 @@ TRIALS = (
     Trial("a friction that is no number", edited("[model]", "[model]\nfriction = nan"),
           ("finite",)),
     Trial("an infinite friction", edited("[model]", "[model]\nfriction = inf"), ("finite",)),
-    Trial("a friction as text", edited("[model]", '[model]\nfriction = "0.4"'), ("valid number",)),
+    Trial("a friction as text", edited("[model]", '[model]\nfriction = "0.4"'),
+          ("without quotes",)),
     Trial("a friction that is true", edited("[model]", "[model]\nfriction = true"), ("is True",)),
     Trial("an unknown mesh size", edited('"coarse"', '"tiny"'), ("model.size", "coarse, medium")),
     Trial("a mesh of no triangles", edited('"coarse"', "0"), ("model.size", "'0'")),
@@ -292,9 +305,12 @@ TRIALS = (
           ("materials.soft", "incompressible", "nu < 0.5")),
     Trial("muscle apart in a combined set", edited("[materials.soft]\nfat",
           '[materials.soft]\nlike = "combined"\nmuscle'), ("materials.soft.muscle", "combined")),
+    Trial("a law for all sets that none of them has",
+          TWO_LISTS + '[laws]\ncombined = { law = "hencky", e = "1 kPa", nu = 0.4 }\n',
+          ("laws.combined: no tissue or region 'combined'", "muscle")),
     Trial("a material file that is not there", fat('{ file = "no.toml" }'), ("no.toml", "No such")),
     Trial("a pipe as material file", a_pipe_for_a_material, ("fat.toml", "is no file")),
-    Trial("a binary material file", a_binary_material, ("fat.toml", "utf-8")),
+    Trial("a binary material file", a_binary_material, ("fat.toml", "UTF-8")),
     Trial("a material file with a wrong unit", a_material_with_a_wrong_unit, ("fat.toml", "kilo")),
     # Thresholds, steps, sweep
     Trial("a threshold of an unknown outcome",
@@ -340,6 +356,8 @@ TRIALS = (
           ("run.json: is not the run.json of a study",)),
     Trial("a run.json whose cases were changed", a_run_of_changed_cases,
           ("HS_separate", "changed")),
+    Trial("a run.json that lets PETSc write a file", a_run_whose_petsc_writes,
+          ("petsc_options.calfsocket_ksp_view_mat: is 'binary:/etc/x'", "command line")),
     Trial("results where no folder can be made", a_folder_that_cannot_be_made,
           ("/proc/calfsocket",)),
     Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,

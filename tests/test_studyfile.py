@@ -3,17 +3,19 @@
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 
-from calfsocket import cli
+from calfsocket import cli, variants
 from calfsocket.case import Case, Settings, region_laws
 from calfsocket.commands import study as paper_command
+from calfsocket.inventory import laws_of_sets
 from calfsocket.laws import Hencky, Ogden
-from calfsocket.meshes import curves
+from calfsocket.meshes import curves, data
 from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
 from calfsocket.meshes.loops import limb_curves
 from calfsocket.study import all_cases
@@ -63,6 +65,16 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     assert study.settings.materials == {"fat": Hencky(0.003, 0.4)}
     assert study.origin["content"]["model"]["friction"] == 0.3
     assert study.origin["files"][str(law)]["content"]["nu"] == 0.4
+
+
+def test_every_variant_of_the_paper_is_a_file_that_repeats_it():
+    file = reading.paper_study()
+    study = to_study(file, file.plan(), Path("out"))
+    family = variants.studies(study)
+    assert len(family) == 1 + len(variants.VARIANTS)
+    for each in family:
+        again = replace(file, content=each.origin["content"]).plan()
+        assert again.settings == each.settings and again.cases == each.cases
 
 
 # ----- the example, and what editors use
@@ -210,10 +222,7 @@ def test_laws_by_tissue_and_by_region(plan):
     assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
     assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(0.012, 0.49)
-    study = to_study(reading.read_study(STUDIES / "paper.toml"), made)
-    from calfsocket.ledger import laws_of_sets
-
-    laws = laws_of_sets(study)
+    laws = laws_of_sets(made.cases, made.settings, limb)
     assert list(laws) == ["separate", "combined", "own", "shared"]
     assert laws["own"]["soleus"]["e"] == 0.03 and "soleus" not in laws["shared"]
 
@@ -226,6 +235,17 @@ def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
         '[materials.a]\nlike = "combined"\n[materials.b]\n'
     )
     assert [step_control(case, made.settings).predict for case in made.cases] == [True, False]
+
+
+def test_another_limb_is_read_from_beside_the_study(tmp_path):
+    calf = json.loads(Path(data.__file__).with_name("calf.json").read_text())
+    calf["title"] = "another"
+    (tmp_path / "limb.json").write_text(json.dumps(calf))
+    path = tmp_path / "study.toml"
+    path.write_text(BASE.replace("[study]", '[study]\nlimb = "limb.json"'))
+    file = reading.read_study(path)
+    assert file.plan().limb.title == "another"
+    assert file.sha256.keys() == {"study.toml", "limb.json"}
 
 
 # ----- cases and sweeps

@@ -38,6 +38,13 @@ def test_nothing_of_the_program_runs_or_unpickles_what_it_reads():
     assert word.search("x = eval(text)") and word.search("import pickle")
 
 
+def test_the_container_runs_unprivileged():
+    lines = (SOURCES / "Dockerfile").read_text(encoding="utf-8").splitlines()
+    last = max(number for number, line in enumerate(lines) if line.startswith("FROM "))
+    (user,) = [line.split()[1] for line in lines[last:] if line.startswith("USER ")]
+    assert user not in ("root", "0")
+
+
 def own_results(folder: Path, cases) -> Path:
     """Write results of cases of one's own, with a title and a sweep."""
     write_results(folder, cases)

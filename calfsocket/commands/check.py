@@ -45,6 +45,6 @@ def listing(path: Path, plan: "Plan") -> str:
         on = plan.placements[case.socket]
         lines.append(
             f"  {case.name:{width}}  {100 * on.area_reduction:7.2f} %  {100 * on.touching:6.0f} %  "
-            f"{on.largest_overlap:12.2f} mm  {on.overlap_angle:3.0f} deg"
+            f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
     return "\n".join(lines) + "\n"

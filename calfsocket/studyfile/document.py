@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.errors import InputError
 from calfsocket.laws import OgdenForm
 from calfsocket.meshes.schema import Strict
 from calfsocket.meshes.sizing import mesh_size
@@ -69,7 +70,7 @@ class ModelTable(Strict):
     """What all cases share unless a case or the sweep changes it."""
 
     size: str | Annotated[int, Field(strict=True)] = Field(
-        "paper", description="coarse, medium or paper, or the number of triangles"
+        default="paper", description="coarse, medium or paper, or the number of triangles"
     )
     friction: Annotated[Number, Field(ge=0)] = ContactParameters.fric_coeff
     socket_support: SocketSupport = "floating"
@@ -78,10 +79,17 @@ class ModelTable(Strict):
     gamma: Annotated[Number, Field(gt=0, description="MPa/mm")] = ContactParameters.gamma
     gamma_t: Annotated[Number, Field(gt=0, description="MPa/mm")] = ContactParameters.gamma_t
 
-    @field_validator("size")
+    @field_validator("size", mode="before")
     @classmethod
-    def _a_size(cls, value: str | int) -> str:
-        return mesh_size(str(value)).name
+    def _a_size(cls, value: object) -> str:
+        if isinstance(value, bool) or not isinstance(value, str | int):
+            raise ValueError(
+                f"is {value!r}; give coarse, medium or paper, or a number of triangles"
+            )
+        try:
+            return mesh_size(str(value)).name
+        except InputError as error:
+            raise ValueError(str(error).removeprefix("size: ")) from None
 
 
 class StepsTable(Strict):

@@ -1,7 +1,6 @@
 """Files that a study file names: read once, from beside it, and kept for run.json."""
 
 import hashlib
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,33 +9,7 @@ from calfsocket.errors import InputError
 from calfsocket.laws import Law
 from calfsocket.material_entry import entry_of
 from calfsocket.meshes.data import Point
-from calfsocket.meshes.schema import checked
-
-LARGEST_MB = 20
-"""No outline, material or study is that large; a disk image given by mistake is."""
-
-
-def regular_file(path: Path) -> Path:
-    """Return a path to read.
-
-    Raises
-    ------
-    InputError
-        When it is no file, such as a device that never ends, or too large.
-    """
-    try:
-        size = path.stat().st_size
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # a zero byte
-        raise InputError(f"{str(path)!r}: cannot be read ({error})") from None
-    if not path.is_file():
-        raise InputError(f"{path}: is no file; name a file")
-    if size > LARGEST_MB * 10**6:
-        raise InputError(
-            f"{path}: {size / 1e6:.0f} MB; files of a study have at most {LARGEST_MB} MB"
-        )
-    return path
+from calfsocket.meshes.schema import check_readable, checked, read_toml
 
 
 class Files:
@@ -72,7 +45,7 @@ class Files:
     def law(self, name: str) -> Law:
         """Law of a material file."""
         if name not in self._content:
-            self._read(name, _parsed_toml)
+            self._read(name, read_toml)
         content = self._content[name]["content"]
         path = self._folder / name
         try:
@@ -87,7 +60,8 @@ class Files:
                 raise InputError(f"{name}: is not among the files of that run")
             self._content[name] = dict(self._recorded[name])
             return
-        path = regular_file(self._folder / name)
+        path = self._folder / name
+        check_readable(path)
         content = read(path)
         self._content[name] = {"sha256": sha256(path), "content": content}
 
@@ -95,12 +69,3 @@ class Files:
 def sha256(path: Path) -> str:
     """Return the hash of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _parsed_toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError as error:  # no UTF-8, no TOML
-        raise InputError(f"{path}: {error}") from None

@@ -97,7 +97,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     name = case.socket.split("@")[0]
     axes.set_title(
         f"{name}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
-        f"area\npresses up to {on.largest_overlap:.2f} mm at {on.overlap_angle:.0f} deg, on "
+        f"area\npresses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, on "
         f"{100 * on.touching:.0f} % of the skin",
         fontsize=8,
         parse_math=False,

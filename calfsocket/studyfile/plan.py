@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from calfsocket.case import Case, Settings, case_laws
 from calfsocket.contact.nitsche import ContactParameters
@@ -207,7 +207,10 @@ class Planner:
                 )
         for name, entry in document.materials.items():
             self._check_tissues(f"materials.{name}", entry.model_extra or {}, [entry.like])
-        self._check_tissues("laws", document.laws, list(MATERIAL_SETS))
+        used = [*document.study.materials, *(case.materials for case in document.cases)]
+        own = {name: entry.like for name, entry in document.materials.items()}
+        sets = [own.get(name, cast(MaterialSet, name)) for name in used]
+        self._check_tissues("laws", document.laws, sets)
 
     def _check_tissues(
         self, place: str, entries: Mapping[str, Any], sets: list[MaterialSet]
@@ -250,9 +253,9 @@ class Planner:
         document = self._document(own, place)
         if own:
             self._check_names(document)
-        told = {name: value for name, value in own.items() if not asked.label or name in point}
-        to_set = {name: value for name, value in told.items() if name.startswith("materials.")}
-        to_socket = {name: value for name, value in told.items() if name not in to_set}
+        shown = {name: value for name, value in own.items() if not asked.label or name in point}
+        to_set = {name: value for name, value in shown.items() if name.startswith("materials.")}
+        to_socket = {name: value for name, value in shown.items() if name not in to_set}
         socket = _joined(asked.socket, asked.label, labels.of(to_socket, number))
         materials = _joined(asked.materials, labels.of(to_set, number))
         entry = document.materials.get(asked.materials)
@@ -262,7 +265,7 @@ class Planner:
         case = Case(
             socket=socket,
             material_set=materials,
-            base=entry.like if entry else None if materials == asked.materials else asked.materials,
+            base=entry.like if entry else _paper_set(asked.materials, materials),
             settings=None if settings == shared else settings,
             changes=dict(own),
         )
@@ -352,3 +355,8 @@ def _words(own: Changes) -> str:
 
 def _joined(*words: str) -> str:
     return "@".join(word for word in words if word)
+
+
+def _paper_set(name: str, label: str) -> MaterialSet | None:
+    """Return the set of the paper that a label stands for; None where it is called so."""
+    return None if name == label else cast(MaterialSet, name)

@@ -1,8 +1,8 @@
 """Study files read: TOML as a person writes it, or the run.json of an earlier run."""
 
 import json
-import tomllib
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -10,9 +10,9 @@ from typing import Any
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.data import Limb, Sockets, load_limb, load_sockets
-from calfsocket.meshes.schema import checked, read_text
+from calfsocket.meshes.schema import check_readable, checked, read_text, read_toml
 from calfsocket.studyfile.document import REFERENCE_SOCKETS
-from calfsocket.studyfile.files import Files, regular_file, sha256
+from calfsocket.studyfile.files import Files, sha256
 from calfsocket.studyfile.plan import Plan, Planner
 
 
@@ -75,16 +75,19 @@ def read_study(path: Path) -> StudyFile:
     InputError
         When it cannot be read, or names a limb that cannot be used.
     """
-    path = regular_file(Path(path))
+    path = Path(path)
     if path.suffix == ".json":
         return _of_run(path)
-    content = _parsed(path, tomllib.loads, "TOML")
+    content = read_toml(path)
+    if not content:
+        raise InputError(f"{path}: is empty; `new` writes an example to start from")
     hashes = {path.name: sha256(path)}
     table = content.get("study")
     name = table.get("limb") if isinstance(table, dict) else None
     limb_path = None
     if isinstance(name, str):
-        limb_path = regular_file(path.parent / name)
+        limb_path = path.parent / name
+        check_readable(limb_path)
         hashes[name] = sha256(limb_path)
     return StudyFile(
         path, content, Files(path.parent), load_limb(limb_path), load_sockets(), sha256=hashes
@@ -104,7 +107,7 @@ def example() -> str:
 
 def _of_run(path: Path) -> StudyFile:
     """Read what an earlier run was made of."""
-    run = _parsed(path, json.loads, "JSON")
+    run = _parsed_json(path)
     try:
         study = run["study"]
         reference = dict(run["sockets"])
@@ -121,7 +124,7 @@ def _of_run(path: Path) -> StudyFile:
             reference=checked(path, reference, Sockets),
             sha256={path.name: sha256(path), **study["sha256"]},
             only=tuple(run["cases"]),
-            petsc_options=dict(run["petsc_options"]),
+            petsc_options=_harmless(path, dict(run["petsc_options"])),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         if isinstance(error, InputError):
@@ -132,18 +135,23 @@ def _of_run(path: Path) -> StudyFile:
         ) from None
 
 
-def _parsed(path: Path, parse: Callable[[str], Any], format_name: str) -> dict[str, Any]:
-    text = read_text(path)
-    if not text.strip():
-        raise InputError(f"{path}: is empty; `new` writes an example to start from")
+def _harmless(path: Path, options: dict[str, str]) -> dict[str, str]:
+    """Refuse options of PETSc that name files: its viewers would write them anywhere."""
+    for name, value in options.items():
+        if not (re.fullmatch(r"[a-z0-9_]+", name) and re.fullmatch(r"[\w.+-]*", value)):
+            raise InputError(
+                f"{path}: petsc_options.{name}: is {value!r}; give it on the command line, "
+                "-NAME VALUE, if it is wanted, and take it out here"
+            )
+    return options
+
+
+def _parsed_json(path: Path) -> Any:
     try:
-        content = parse(text)
-    except RecursionError:
-        raise InputError(
-            f"{path}: tables are nested too deeply; a study needs five levels"
-        ) from None
+        return json.loads(read_text(path))
+    except InputError:
+        raise
     except ValueError as error:
-        raise InputError(f"{path}: is no {format_name}: {error}") from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: is no study; `new` writes an example to start from")
-    return content
+        raise InputError(f"{path}: is no JSON: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: is nested too deeply") from None

@@ -37,6 +37,7 @@ class BumpEntry(Strict):
 class Wall(Strict):
     """What every socket may have: a title, its wall's thickness, its material."""
 
+    kind: ClassVar[str]
     title: str = ""
     wall_thickness: PositiveLength | None = None
     modulus: Stress | None = None

@@ -54,6 +54,23 @@ def checked_document(path: Path, content: Any, origin: str = "") -> Document:
         ) from None
 
 
+_TABLE = "Input should be a table"
+_NUMBER = "Input should be a number, without quotes"
+_LIST = "Input should be a list in brackets"
+_PLAIN = {
+    "model_type": _TABLE,
+    "dict_type": _TABLE,
+    "string_type": "Input should be text in quotes",
+    "float_type": _NUMBER,
+    "float_parsing": _NUMBER,
+    "tuple_type": _LIST,
+    "list_type": _LIST,
+    "string_pattern_mismatch": "Input should be a name of at most 40 letters, digits, and . _ + - "
+    "within, which begins with a letter or digit",
+}
+"""Words for what pydantic says to programmers, by its name of the error."""
+
+
 def _message(error: dict[str, Any]) -> str:
     """Say what a value is and must be, where pydantic says only the latter."""
     text: str = error["msg"]
@@ -63,11 +80,7 @@ def _message(error: dict[str, Any]) -> str:
         return text.removeprefix("Value error, ")
     if text.startswith("is no "):
         return text
-    if error["type"] == "string_pattern_mismatch":
-        text = (
-            "Input should be a name of at most 40 letters, digits, and . _ + - within, "
-            "which begins with a letter or digit"
-        )
+    text = _PLAIN.get(error["type"], text)
     said = text.replace("Input should be", "it must be").replace("Input should", "it must")
     return f"is {_shortened(error['input'])}; {said[0].lower()}{said[1:]}"
 
