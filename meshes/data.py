@@ -5,7 +5,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
 from calfsocket.errors import InputError
 from calfsocket.meshes import tags
@@ -17,19 +24,22 @@ Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
 
 
+def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
+    for point, following in pairwise((*value, value[0])):
+        if point == following:
+            raise ValueError(f"point {list(point)} follows itself; do not repeat points")
+    return value
+
+
+#: Points of a closed curve, the first not repeated.
+Points = Annotated[tuple[Point, ...], Field(min_length=4), AfterValidator(_neighbours_differ)]
+
+
 class SplineCurve(Strict):
     """Closed C2 periodic cubic spline through the points, mm."""
 
     type: Literal["spline"]
-    points: Annotated[tuple[Point, ...], Field(min_length=4)]
-
-    @field_validator("points")
-    @classmethod
-    def _neighbours_differ(cls, value: tuple[Point, ...]) -> object:
-        for point, following in pairwise((*value, value[0])):
-            if point == following:
-                raise ValueError(f"point {list(point)} follows itself; do not repeat points")
-        return value
+    points: Points
 
 
 class EllipseCurve(Strict):
@@ -215,11 +225,26 @@ class CircleBlend(Strict):
     bumps: tuple[Bump, ...] = ()
 
 
+class Outline(Strict):
+    """Inner face: the closed spline through points in mm, counter-clockwise, and its own wall.
+
+    Where no wall thickness is given, it is that of all sockets of the file.
+    """
+
+    title: str = ""
+    law: Literal["outline"]
+    points: Points
+    wall_thickness: PositiveFloat | None = None
+
+
+SocketShape = Annotated[NormalOffset | CircleBlend | Outline, Field(discriminator="law")]
+
+
 class Socket(Strict):
     """One socket: its name, the law of its inner face, and its wall, mm."""
 
     name: str
-    shape: Annotated[NormalOffset | CircleBlend, Field(discriminator="law")]
+    shape: SocketShape
     wall_thickness: PositiveFloat
 
 
@@ -231,16 +256,15 @@ class Sockets(Strict):
     wall_thickness: PositiveFloat
     wall_rule: str = ""
     laws: dict[str, str] = Field(default_factory=dict)
-    sockets: Annotated[
-        dict[str, Annotated[NormalOffset | CircleBlend, Field(discriminator="law")]],
-        Field(min_length=1),
-    ]
+    sockets: Annotated[dict[str, SocketShape], Field(min_length=1)]
 
     def socket(self, name: str) -> Socket:
         """Return the socket of this name."""
         if name not in self.sockets:
             raise InputError(f"sockets: no socket '{name}'; {nearest(name, self.sockets)}")
-        return Socket(name=name, shape=self.sockets[name], wall_thickness=self.wall_thickness)
+        shape = self.sockets[name]
+        own = shape.wall_thickness if isinstance(shape, Outline) else None
+        return Socket(name=name, shape=shape, wall_thickness=own or self.wall_thickness)
 
 
 def load_limb(path: Path | str | None = None) -> Limb:

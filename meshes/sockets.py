@@ -7,16 +7,13 @@ import numpy as np
 from calfsocket.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve
-from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Socket
+from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Outline, Socket, SocketShape
 from calfsocket.meshes.loops import is_simple, polar_angle
 
 
 def socket_faces(socket: Socket, skin: ClosedCurve) -> tuple[ClosedCurve, ClosedCurve]:
     """Return the inner and the outer face of a socket for a limb of this skin outline."""
-    if isinstance(socket.shape, NormalOffset):
-        inner = normal_offset(socket.shape, skin)
-    else:
-        inner = circle_blend(socket.shape, skin)
+    inner = inner_face(socket.shape, skin)
     outer = curves.offset(inner, lambda points: np.full(len(points), socket.wall_thickness))
     for face, curve in (("inner", inner), ("outer", outer)):
         if not (curve.area > 0 and is_simple(curve.evaluate(curve.sample(curve.perimeter / 400)))):
@@ -24,6 +21,17 @@ def socket_faces(socket: Socket, skin: ClosedCurve) -> tuple[ClosedCurve, Closed
                 f"socket {socket.name}: the {face} face crosses itself; use smaller or wider bumps"
             )
     return inner, outer
+
+
+def inner_face(shape: SocketShape, skin: ClosedCurve) -> ClosedCurve:
+    """Return the inner face of a socket for a limb of this skin outline."""
+    match shape:
+        case NormalOffset():
+            return normal_offset(shape, skin)
+        case CircleBlend():
+            return circle_blend(shape, skin)
+        case Outline():
+            return curves.through(shape.points)
 
 
 def bumps_at(bumps: Sequence[Bump], angle: Array) -> Array:

@@ -1,0 +1,109 @@
+"""Outlines as CSV: a row a point, x and y in mm.
+
+    # Inner face, knee level
+    x, y
+    57.1, 0.0
+    56.9, 4.2
+
+The header may be missing and may name the unit, ``x [mm]``. Cells are separated by commas,
+semicolons or tabs; beside semicolons and tabs, decimals may have a comma. Lines that start with #
+are comments. The last point may repeat the first.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from calfsocket.errors import InputError
+from calfsocket.meshes.drawn import SAME_POINT, Drawn
+from calfsocket.meshes.schema import read_text
+
+#: The outline is open where it closes with a side this many times as long as the longest other.
+_OPENING = 3.0
+_HEADER = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+
+
+def read_csv(path: Path) -> Drawn:
+    """Read the points of an outline.
+
+    Raises
+    ------
+    InputError
+        Naming file and line.
+    """
+    lines = read_text(path).removeprefix("\ufeff").splitlines()
+    rows = [
+        (number, line)
+        for number, line in enumerate(lines, 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not rows:
+        raise InputError(f"{path}: is empty; give a row `x, y` in mm for each point")
+    separator = next((mark for mark in ";\t," if mark in rows[0][1]), ",")
+    first = rows[0][1].split(separator)
+    if not any(_is_number(cell, separator) for cell in first):
+        _check_header(path, rows[0][0], first)
+        del rows[0]
+    points = np.array(
+        [_point(path, number, row.split(separator), separator) for number, row in rows]
+    )
+    places = [f"line {number}" for number, _ in rows]
+    if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) <= SAME_POINT:
+        points, places = points[:-1], places[:-1]
+    drawn = Drawn(path, points.reshape(-1, 2), places)
+    _check_closed(drawn)
+    return drawn
+
+
+def _check_header(path: Path, number: int, cells: list[str]) -> None:
+    found = [_HEADER.fullmatch(cell) for cell in cells]
+    if [match and match[1].lower() for match in found] != ["x", "y"]:
+        raise InputError(
+            f"{path}, line {number}: {', '.join(cell.strip() for cell in cells)!r} is no point and"
+            " no header; write `x, y`, or two numbers"
+        )
+    for match in found:
+        if match and match[2] not in (None, "mm"):
+            raise InputError(f"{path}, line {number}: unit {match[2]!r}; give coordinates in mm")
+
+
+def _point(path: Path, number: int, cells: list[str], separator: str) -> tuple[float, float]:
+    if len(cells) != 2:
+        raise InputError(f"{path}, line {number}: {len(cells)} cells; give two, x and y in mm")
+    x, y = (_number(path, number, cell, separator) for cell in cells)
+    return x, y
+
+
+def _number(path: Path, number: int, cell: str, separator: str) -> float:
+    if _is_number(cell, separator):
+        value = float(_plain(cell, separator))
+        if np.isfinite(value):
+            return value
+    raise InputError(f"{path}, line {number}: {cell.strip()!r} is no finite number; give mm")
+
+
+def _is_number(cell: str, separator: str) -> bool:
+    try:
+        float(_plain(cell, separator))
+    except ValueError:
+        return False
+    return True
+
+
+def _plain(cell: str, separator: str) -> str:
+    """Return a number with a decimal point."""
+    return cell if separator == "," else cell.replace(",", ".")
+
+
+def _check_closed(drawn: Drawn) -> None:
+    """Refuse points that stop half-way round."""
+    if len(drawn.points) < 4:
+        return  # which has an error of its own
+    sides = np.linalg.norm(np.roll(drawn.points, -1, axis=0) - drawn.points, axis=1)
+    if sides[-1] > _OPENING * sides[:-1].max():
+        raise InputError(
+            f"{drawn.path}: the outline is open: from {drawn.places[-1]} back to"
+            f" {drawn.places[0]} it is {sides[-1]:.1f} mm, between its points at most"
+            f" {sides[:-1].max():.1f} mm; go on to where it began"
+        )
