@@ -1,4 +1,4 @@
-"""A closed outline as somebody drew it, and whether a smooth curve can follow it."""
+"""A closed outline as somebody drew it: pieces joined to a polygon, and that checked."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,22 +6,68 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.curves import Array
 
 #: Points closer together than this, mm, are one.
 SAME_POINT = 1e-3
+#: Pieces are joined where their ends are at most this far apart, mm.
+JOINT = 0.01
 #: Width and height of an outline, mm. A leg is 60 to 250 mm thick; lengths in m, cm or inch taken
 #: for mm fall below the range, lengths in micrometres above.
 EXTENT = (30.0, 500.0)
-#: Largest turn from one side to the next, degrees. The spline rounds it off; where a drawing is
-#: sampled every 0.25 mm this moves it by less than 0.02 mm.
+#: Distance of the points that stand for curves and for straight lines between them, mm. With the
+#: largest turn below, a spline through them is within 0.02 mm of a corner that it rounds off.
+STEP = 0.25
+#: Largest turn from one side to the next, degrees.
 MAX_TURN = 30.0
 #: Points of one outline. More are no shape but a cloud, or a file of another kind.
 MAX_POINTS = 50_000
 #: What lengths may have been meant, in mm.
 _OTHER_UNITS = {"m": 1000.0, "inch": 25.4, "cm": 10.0, "micrometres": 1e-3}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of an outline without branches.
+
+    Attributes
+    ----------
+    place : str
+        Where it stands in the file, e.g. "LINE 2F".
+    points : (n, 2)
+        In mm, its ends included: the vertices of straight lines, or points close together.
+    curved : bool
+        Whether the points were sampled from a curve.
+    """
+
+    place: str
+    points: Array
+    curved: bool = False
+
+    @property
+    def places(self) -> list[str]:
+        """Where each point stands."""
+        if self.curved or len(self.points) == 2:
+            return [self.place] * len(self.points)
+        return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
+
+    def backwards(self) -> "Piece":
+        """Return the same piece from its end to its start."""
+        return Piece(self.place, self.points[::-1], self.curved)
+
+    def dense(self) -> "Piece":
+        """Return the same piece with points at most `STEP` apart."""
+        sides = np.diff(self.points, axis=0)
+        numbers = np.ceil(np.linalg.norm(sides, axis=1) / STEP).astype(int)
+        parts = [
+            start + side * (np.arange(number) / number)[:, None]
+            for start, side, number in zip(self.points, sides, numbers, strict=False)
+            if number
+        ]
+        return Piece(self.place, np.concatenate([*parts, self.points[-1:]]), curved=True)
 
 
 @dataclass(frozen=True)
@@ -36,53 +82,35 @@ class Drawn:
         In mm, in the order of the file.
     places : sequence of str
         Where in the file each point stands, e.g. "line 12".
+    unit : str
+        What the file says of its unit, for errors.
     """
 
     path: Path
     points: Array
     places: Sequence[str]
-
-    def without_repeats(self) -> "Drawn":
-        """Drop points that stand on the one before them, as drawing programs leave them."""
-        sides = np.linalg.norm(self.points - np.roll(self.points, 1, axis=0), axis=1)
-        keep = np.flatnonzero(sides > SAME_POINT)
-        return Drawn(self.path, self.points[keep], [self.places[i] for i in keep])
+    unit: str = ""
 
     def check(self) -> None:
         """Raise an InputError unless a smooth closed curve can follow the points."""
         self._check_number()
-        self._check_extent()
+        check_extent(self.path, self.points, EXTENT, self.unit)
         self._check_repeats()
         self._check_crossing()
         self._check_turns()
 
     def _check_number(self) -> None:
-        if len(self.points) < 4:
+        number = len(self.points)
+        if number < 4:
             raise InputError(
-                f"{self.path}: has {_count(len(self.points), 'point')}; a closed curve needs 4 or"
-                " more, a socket some dozens"
+                f"{self.path}: has {number} {'point' if number == 1 else 'points'}; a closed curve"
+                " needs 4 or more, a socket some dozens"
             )
-        if len(self.points) > MAX_POINTS:
+        if number > MAX_POINTS:
             raise InputError(
-                f"{self.path}: has {len(self.points)} points; at most {MAX_POINTS} are read:"
+                f"{self.path}: has {number} points; at most {MAX_POINTS} are read:"
                 " give one outline, a point every millimetre or so"
             )
-
-    def _check_extent(self) -> None:
-        size = np.ptp(self.points, axis=0)
-        low, high = EXTENT
-        if low <= size.min() and size.max() <= high:
-            return
-        meant = [
-            unit
-            for unit, factor in _OTHER_UNITS.items()
-            if low <= factor * size.min() and factor * size.max() <= high
-        ]
-        hint = f" (are these {' or '.join(meant)}?)" if meant else ""
-        raise InputError(
-            f"{self.path}: the outline is {size[0]:.4g} x {size[1]:.4g} mm{hint}; allowed are"
-            f" {low:g} to {high:g} mm: give coordinates in mm"
-        )
 
     def _check_repeats(self) -> None:
         sides = np.linalg.norm(self.points - np.roll(self.points, 1, axis=0), axis=1)
@@ -95,15 +123,12 @@ class Drawn:
             )
 
     def _check_crossing(self) -> None:
-        ring = shapely.LinearRing(self.points)
-        if not ring.is_simple:
-            # "Self-intersection[1.5 2]"
-            why = shapely.is_valid_reason(shapely.Polygon(ring))
-            x, y = (float(number) for number in why.split("[")[1].rstrip("]").split())
-            nearest = int(np.argmin(np.linalg.norm(self.points - [x, y], axis=1)))
+        crossing = self_crossing(self.points)
+        if crossing is not None:
+            nearest = int(np.argmin(np.linalg.norm(self.points - crossing, axis=1)))
             raise InputError(
                 f"{self.path}, {self.places[nearest]}: the outline crosses or touches itself near"
-                f" ({x:.2f}, {y:.2f}) mm; give its points in order, once round"
+                f" {at(crossing)}; give its points in order, once round"
             )
 
     def _check_turns(self) -> None:
@@ -112,14 +137,107 @@ class Drawn:
         cross = before[:, 0] * sides[:, 1] - before[:, 1] * sides[:, 0]
         turn = np.abs(np.rad2deg(np.arctan2(cross, np.sum(before * sides, axis=1))))
         sharpest = int(np.argmax(turn))
-        if turn[sharpest] > MAX_TURN + 1e-6:
-            x, y = self.points[sharpest]
+        if turn[sharpest] > MAX_TURN + 1e-6:  # twelve points on a circle turn by 30 degrees
             raise InputError(
                 f"{self.path}, {self.places[sharpest]}: the outline turns by"
-                f" {turn[sharpest]:.0f} degrees at ({x:.2f}, {y:.2f}) mm; up to {MAX_TURN:g} can be"
-                " followed smoothly: round the corner off, or give more points"
+                f" {turn[sharpest]:.0f} degrees at {at(self.points[sharpest])}; up to"
+                f" {MAX_TURN:g} can be followed smoothly: round the corner off, or give more points"
             )
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" + ("" if number == 1 else "s")
+def self_crossing(polygon: Array) -> Array | None:
+    """Return where a closed polygon crosses or touches itself, shape (2,), if it does."""
+    ring = shapely.LinearRing(polygon)
+    if ring.is_simple:
+        return None
+    # Such as "Self-intersection[1.5 2]".
+    reason = shapely.is_valid_reason(shapely.Polygon(ring))
+    return np.array([float(number) for number in reason.split("[")[1].rstrip("]").split()])
+
+
+def at(point: Array) -> str:
+    """Return a point as people read it."""
+    return f"({point[0]:.2f}, {point[1]:.2f}) mm"
+
+
+def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: str = "") -> None:
+    """Raise an InputError unless width and height of points, mm, lie in the range allowed."""
+    size = np.ptp(points, axis=0)
+    low, high = allowed
+    if low <= size.min() and size.max() <= high:
+        return
+    meant = [
+        name
+        for name, factor in _OTHER_UNITS.items()
+        if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
+    ]
+    hint = f" (were they drawn in {' or '.join(meant)}?)" if meant else ""
+    raise InputError(
+        f"{path}: the outline is {size[0]:.4g} x {size[1]:.4g} mm{hint}{unit and '; '}{unit};"
+        f" allowed are {EXTENT[0]:g} to {EXTENT[1]:g} mm: give lengths in mm"
+    )
+
+
+def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
+    """Join pieces, in any order and direction, to one closed polygon.
+
+    Where one of them is curved, all are followed closely; where all are straight lines, their
+    vertices are what was drawn.
+
+    Raises
+    ------
+    InputError
+        When they are more or less than one closed outline.
+    """
+    # Before lines of any length are cut into short ones.
+    everything = np.concatenate([piece.points for piece in pieces])
+    check_extent(path, everything, (0.0, 10 * EXTENT[1]), unit)
+    left = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
+    ends = np.array([piece.points[[0, -1]] for piece in left]).reshape(-1, 2, 2)
+    free = np.ones(len(left), dtype=bool)
+    loops = []
+    while free.any():
+        loops.append(_loop(path, left, ends, free))
+    if len(loops) != 1:
+        raise InputError(
+            f"{path}: holds {len(loops)} outlines, {', '.join(loop[0].place for loop in loops)};"
+            " keep one, the inner face"
+        )
+    (loop,) = loops
+    if any(piece.curved for piece in loop):
+        loop = [piece.dense() for piece in loop]
+    points = np.concatenate([piece.points[:-1] for piece in loop])
+    places = [place for piece in loop for place in piece.places[:-1]]
+    # Drawing programs leave points that stand on the one before them.
+    sides = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
+    keep = np.flatnonzero(sides > SAME_POINT)
+    return Drawn(path, points[keep], [places[i] for i in keep], unit)
+
+
+def _loop(path: Path, pieces: Sequence[Piece], ends: Array, free: NDArray[np.bool_]) -> list[Piece]:
+    """Return one closed loop of the pieces that are free, and mark them as taken."""
+    first = int(np.argmax(free))
+    free[first] = False
+    loop = [pieces[first]]
+    start = ends[first, 0]
+    while True:
+        tip = loop[-1].points[-1]
+        gaps = np.where(free[:, None], np.linalg.norm(ends - tip, axis=2), np.inf)
+        meeting = np.flatnonzero(gaps.min(axis=1) <= JOINT)
+        opening = float(np.linalg.norm(start - tip))
+        if len(meeting) + (opening <= JOINT) > 1:
+            raise InputError(
+                f"{path}, {loop[-1].place}: meets {pieces[meeting[0]].place} and others at"
+                f" {at(tip)}; keep one outline without branches"
+            )
+        if opening <= JOINT:
+            return loop
+        if not len(meeting):
+            raise InputError(
+                f"{path}, {loop[-1].place}: the outline is open at {at(tip)}: the nearest other end"
+                f" is {min(opening, gaps.min()):.3g} mm away; close it, to {JOINT} mm"
+            )
+        (following,) = meeting
+        free[following] = False
+        piece = pieces[following]
+        loop.append(piece if gaps[following, 0] <= gaps[following, 1] else piece.backwards())

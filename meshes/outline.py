@@ -10,13 +10,15 @@ from calfsocket.meshes.curves import Array
 from calfsocket.meshes.data import Point
 from calfsocket.meshes.drawn import Drawn
 from calfsocket.meshes.outline_csv import read_csv
+from calfsocket.meshes.outline_dxf import read_dxf
+from calfsocket.meshes.outline_svg import read_svg
 
 #: Readers by the ending of the file's name.
-READERS = {".csv": read_csv}
+READERS = {".csv": read_csv, ".dxf": read_dxf, ".svg": read_svg}
 #: Points up to this number are taken as they are. A spline with more makes meshing slow.
 MANY_POINTS = 400
 #: Largest distance, mm, of a spline through fewer points from those left out.
-TOLERANCE = 0.01
+TOLERANCE = 2e-3
 
 
 def read_outline(

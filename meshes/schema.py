@@ -2,13 +2,18 @@
 
 import difflib
 import json
+import stat
 from collections.abc import Collection
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from calfsocket.errors import InputError
+
+#: Largest file that is read, bytes. The largest of the package's own has 30 kB.
+MAX_BYTES = 10_000_000
 
 
 def nearest(key: str, allowed: Collection[str]) -> str:
@@ -45,8 +50,30 @@ def read_json(path: Path, model: type[Model]) -> Model:
     return checked(path, content, model)
 
 
+def check_readable(path: Path) -> None:
+    """Raise an InputError unless this is a file that can be read and is not too large.
+
+    Pipes and devices are none: to read them may never end.
+    """
+    try:
+        status = path.stat()
+        with path.open("rb") if stat.S_ISREG(status.st_mode) else nullcontext():
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:  # a NUL in its name
+        raise InputError(f"{str(path)!r}: cannot be read ({error})") from error
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path}: is no file; give the name of one")
+    if status.st_size > MAX_BYTES:
+        raise InputError(
+            f"{path}: has {status.st_size / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are read"
+        )
+
+
 def read_text(path: Path) -> str:
     """Read a file as UTF-8; raise an InputError naming it otherwise."""
+    check_readable(path)
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
