@@ -18,7 +18,10 @@ from calfsocket.errors import InputError
 from calfsocket.meshes import tags
 from calfsocket.meshes.schema import Strict, nearest, read_json
 
-Point = tuple[float, float]
+#: A length, mm, with a sign. No section of a limb is wider; sampling one of 10 km would not end.
+Length = Annotated[float, Field(ge=-1000, le=1000)]
+Thickness = Annotated[float, Field(gt=0, le=1000)]
+Point = tuple[Length, Length]
 Angle = float
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
@@ -47,7 +50,7 @@ class EllipseCurve(Strict):
 
     type: Literal["ellipse"]
     center: Point
-    semi_axes: tuple[PositiveFloat, PositiveFloat]
+    semi_axes: tuple[Thickness, Thickness]
     angle_deg: Angle
 
 
@@ -65,8 +68,8 @@ Curve = Annotated[SplineCurve | EllipseCurve | OffsetCurve, Field(discriminator=
 class Layers(Strict):
     """Thickness of skin, mm, and of fat, (polar angle in degrees, mm) at several angles."""
 
-    skin_thickness: PositiveFloat
-    fat_thickness: Annotated[tuple[tuple[Angle, PositiveFloat], ...], Field(min_length=2)]
+    skin_thickness: Thickness
+    fat_thickness: Annotated[tuple[tuple[Angle, Thickness], ...], Field(min_length=2)]
 
     @field_validator("fat_thickness")
     @classmethod
@@ -203,49 +206,52 @@ class Bump(Strict):
     site: str = ""
     center: Angle
     width: PositiveFloat
-    amplitude: float
+    amplitude: Length
 
 
-class NormalOffset(Strict):
-    """Inner face: the skin moved inward along its normal by base + bumps, mm."""
-
+class _Shape(Strict):
     title: str
+    wall_thickness: Thickness | None = None
+
+
+class NormalOffset(_Shape):
+    """Inner face: the skin moved inward along its normal by base + bumps, mm.
+
+    A wall thickness is the socket's own, in the place of that of the file, mm.
+    """
+
     law: Literal["normal_offset"]
-    base: float
+    base: Length
     bumps: tuple[Bump, ...] = ()
 
 
-class CircleBlend(Strict):
+class CircleBlend(_Shape):
     """Inner face: the skin blended with a circle, of an area reduced by this part, minus bumps."""
 
-    title: str
     law: Literal["circle_blend"]
     area_reduction: Annotated[float, Field(gt=-1, lt=1)]
     roundness: Annotated[float, Field(ge=0, le=1)]
     bumps: tuple[Bump, ...] = ()
 
 
-class Outline(Strict):
-    """Inner face: the closed spline through points in mm, counter-clockwise, and its own wall.
+class Outline(_Shape):
+    """Inner face: a closed spline through points, moved: turned about the origin, then shifted."""
 
-    Where no wall thickness is given, it is that of all sockets of the file.
-    """
-
-    title: str = ""
     law: Literal["outline"]
     points: Points
-    wall_thickness: PositiveFloat | None = None
+    shift: Point = (0.0, 0.0)
+    rotation: Angle = 0.0
 
 
-SocketShape = Annotated[NormalOffset | CircleBlend | Outline, Field(discriminator="law")]
+Shape = Annotated[NormalOffset | CircleBlend | Outline, Field(discriminator="law")]
 
 
 class Socket(Strict):
     """One socket: its name, the law of its inner face, and its wall, mm."""
 
     name: str
-    shape: SocketShape
-    wall_thickness: PositiveFloat
+    shape: Shape
+    wall_thickness: Thickness
 
 
 class Sockets(Strict):
@@ -253,18 +259,19 @@ class Sockets(Strict):
 
     units: Units
     applies_to: str = ""
-    wall_thickness: PositiveFloat
+    wall_thickness: Thickness
     wall_rule: str = ""
     laws: dict[str, str] = Field(default_factory=dict)
-    sockets: Annotated[dict[str, SocketShape], Field(min_length=1)]
+    sockets: Annotated[dict[str, Shape], Field(min_length=1)]
 
     def socket(self, name: str) -> Socket:
         """Return the socket of this name."""
         if name not in self.sockets:
             raise InputError(f"sockets: no socket '{name}'; {nearest(name, self.sockets)}")
         shape = self.sockets[name]
-        own = shape.wall_thickness if isinstance(shape, Outline) else None
-        return Socket(name=name, shape=shape, wall_thickness=own or self.wall_thickness)
+        return Socket(
+            name=name, shape=shape, wall_thickness=shape.wall_thickness or self.wall_thickness
+        )
 
 
 def load_limb(path: Path | str | None = None) -> Limb:

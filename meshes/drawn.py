@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.curves import Array
+from calfsocket.meshes.loops import self_crossing
 
 #: Points closer together than this, mm, are one.
 SAME_POINT = 1e-3
@@ -128,7 +128,7 @@ class Drawn:
             nearest = int(np.argmin(np.linalg.norm(self.points - crossing, axis=1)))
             raise InputError(
                 f"{self.path}, {self.places[nearest]}: the outline crosses or touches itself near"
-                f" {at(crossing)}; give its points in order, once round"
+                f" {_at(crossing)}; give its points in order, once round"
             )
 
     def _check_turns(self) -> None:
@@ -140,24 +140,15 @@ class Drawn:
         if turn[sharpest] > MAX_TURN + 1e-6:  # twelve points on a circle turn by 30 degrees
             raise InputError(
                 f"{self.path}, {self.places[sharpest]}: the outline turns by"
-                f" {turn[sharpest]:.0f} degrees at {at(self.points[sharpest])}; up to"
+                f" {turn[sharpest]:.0f} degrees at {_at(self.points[sharpest])}; up to"
                 f" {MAX_TURN:g} can be followed smoothly: round the corner off, or give more points"
             )
 
 
-def self_crossing(polygon: Array) -> Array | None:
-    """Return where a closed polygon crosses or touches itself, shape (2,), if it does."""
-    ring = shapely.LinearRing(polygon)
-    if ring.is_simple:
-        return None
-    # Such as "Self-intersection[1.5 2]".
-    reason = shapely.is_valid_reason(shapely.Polygon(ring))
-    return np.array([float(number) for number in reason.split("[")[1].rstrip("]").split()])
-
-
-def at(point: Array) -> str:
+def _at(point: Array) -> str:
     """Return a point as people read it."""
-    return f"({point[0]:.2f}, {point[1]:.2f}) mm"
+    x, y = np.round(point, 2) + 0.0  # no -0
+    return f"({x:.2f}, {y:.2f}) mm"
 
 
 def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: str = "") -> None:
@@ -171,7 +162,7 @@ def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: 
         for name, factor in _OTHER_UNITS.items()
         if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
     ]
-    hint = f" (were they drawn in {' or '.join(meant)}?)" if meant else ""
+    hint = f" (drawn in {' or '.join(meant)}?)" if meant else ""
     raise InputError(
         f"{path}: the outline is {size[0]:.4g} x {size[1]:.4g} mm{hint}{unit and '; '}{unit};"
         f" allowed are {EXTENT[0]:g} to {EXTENT[1]:g} mm: give lengths in mm"
@@ -228,14 +219,14 @@ def _loop(path: Path, pieces: Sequence[Piece], ends: Array, free: NDArray[np.boo
         if len(meeting) + (opening <= JOINT) > 1:
             raise InputError(
                 f"{path}, {loop[-1].place}: meets {pieces[meeting[0]].place} and others at"
-                f" {at(tip)}; keep one outline without branches"
+                f" {_at(tip)}; keep one outline without branches"
             )
         if opening <= JOINT:
             return loop
         if not len(meeting):
             raise InputError(
-                f"{path}, {loop[-1].place}: the outline is open at {at(tip)}: the nearest other end"
-                f" is {min(opening, gaps.min()):.3g} mm away; close it, to {JOINT} mm"
+                f"{path}, {loop[-1].place}: the outline is open at {_at(tip)}: the nearest end is"
+                f" {min(opening, gaps.min()):.3g} mm away; close it, to {JOINT} mm"
             )
         (following,) = meeting
         free[following] = False

@@ -4,6 +4,7 @@ from itertools import combinations, permutations
 from pathlib import Path
 
 import numpy as np
+import shapely
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
@@ -16,6 +17,8 @@ from calfsocket.meshes.data import EllipseCurve, Limb, OffsetCurve, SplineCurve
 MIN_GAP = 0.1
 #: Distance of the points at which curves are compared, mm.
 SAMPLE_STEP = 0.1
+#: Number of points by which it is told whether a curve crosses itself.
+CROSSING_POINTS = 2000
 
 
 def limb_curves(limb: Limb) -> dict[str, ClosedCurve]:
@@ -63,16 +66,25 @@ def check_loops(limb: Limb, source: Path) -> None:
     for name, curve in loops.items():
         if curve.area <= 0:
             raise InputError(f"{source}: curves.{name}: runs clockwise; reverse its points")
-        if not is_simple(curve.evaluate(curve.sample(curve.perimeter / 250))):
-            raise InputError(f"{source}: curves.{name}: crosses itself; move its points apart")
+        crossing = crossing_of(curve)
+        if crossing is not None:
+            raise InputError(
+                f"{source}: curves.{name}: crosses itself at {at(crossing)}; move its points apart"
+            )
     trees = {name: cKDTree(points) for name, points in samples.items()}
     for name, other in combinations(samples, 2):
-        gap = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0].min()
-        if gap < MIN_GAP:
+        gaps = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0]
+        if gaps.min() < MIN_GAP:
+            nearest = samples[other][np.argmin(gaps)]
             raise InputError(
-                f"{source}: curves.{name}: comes within {gap:.3f} mm of '{other}';"
-                f" keep curves {MIN_GAP} mm apart"
+                f"{source}: curves.{name}: comes within {gaps.min():.3f} mm of '{other}' at"
+                f" {at(nearest)}; keep curves {MIN_GAP} mm apart"
             )
+    if not inside(np.zeros(2), samples[limb.contact_boundary]):
+        raise InputError(
+            f"{source}: curves.{limb.contact_boundary}: does not go round the origin, about which"
+            " angles are measured; shift all curves so that it does"
+        )
     # Curves that do not touch lie inside one another wholly or not at all: one point tells.
     for region in limb.regions:
         place = f"{source}: regions.{region.name}"
@@ -94,11 +106,22 @@ def inside(point: Array, polygon: Array) -> bool:
     return bool(np.sum(crossing > point[0]) % 2)
 
 
-def is_simple(polygon: Array) -> bool:
-    """Return whether no two sides of a closed polygon cross."""
-    start, along = polygon, np.roll(polygon, -1, axis=0) - polygon
-    towards = start[None] - start[:, None]
-    # On which side of side i the start of side j lies; its end is the start of side j + 1.
-    turn = np.sign(along[:, None, 0] * towards[..., 1] - along[:, None, 1] * towards[..., 0])
-    separates = turn * np.roll(turn, -1, axis=1) < 0
-    return not np.any(separates & separates.T)
+def self_crossing(polygon: Array) -> Array | None:
+    """Return a point where a closed polygon crosses or touches itself, shape (2,), if it does."""
+    ring = shapely.LinearRing(polygon)
+    if ring.is_simple:
+        return None
+    # Such as "Self-intersection[1.5 2]".
+    reason = shapely.is_valid_reason(shapely.Polygon(ring))
+    return np.array([float(number) for number in reason.split("[")[1].rstrip("]").split()])
+
+
+def crossing_of(curve: ClosedCurve) -> Array | None:
+    """Return a point where a curve crosses or touches itself, shape (2,), if it does."""
+    return self_crossing(curve.evaluate(curve.sample(curve.perimeter / CROSSING_POINTS)))
+
+
+def at(point: Array) -> str:
+    """Return a point as people read it: its polar angle and its coordinates."""
+    x, y = np.round(point, 2) + 0.0  # no -0
+    return f"{round(float(polar_angle(point))) % 360} degrees, ({x:.2f}, {y:.2f}) mm"

@@ -21,28 +21,24 @@ MANY_POINTS = 400
 TOLERANCE = 2e-3
 
 
-def read_outline(
-    path: Path | str, shift: Point = (0.0, 0.0), rotation: float = 0.0
-) -> tuple[Point, ...]:
-    """Read the inner face of a socket, drawn in the limb's frame or placed in it.
+def read_outline(path: Path | str) -> tuple[Point, ...]:
+    """Read the inner face of a socket.
 
-    The frame is the limb's: x to the lateral side, y to the front, seen from above, origin where
-    the limb's data have it (the calf: the centroid of the skin's outline).
+    The frame is the limb's: x to the lateral side, y to the front, a right leg seen from above,
+    with the origin where the limb's data have it (the calf: the centroid of the skin's outline).
+    What was drawn elsewhere is moved by `shift` and `rotation` of `data.Outline`.
 
     Parameters
     ----------
     path
         A file that ends in .csv, .dxf or .svg.
-    shift
-        Where the origin of the drawing goes, mm.
-    rotation
-        By how much the drawing is turned about its origin first, degrees, counter-clockwise.
 
     Returns
     -------
     tuple of (x, y)
         In mm, counter-clockwise, for `curves.through`. The vertices of straight-sided outlines are
-        points of a smooth curve and kept as they are; curved ones are followed to 0.02 mm.
+        points of a smooth curve and kept as they are; what has a curve in it is followed to
+        0.02 mm. Turns of up to 30 degrees are rounded off.
 
     Raises
     ------
@@ -59,10 +55,7 @@ def read_outline(
         )
     drawn = reader(path)
     drawn.check()
-    points = _thinned(drawn)
-    turn = np.deg2rad(rotation)
-    turned = points @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return tuple((float(x), float(y)) for x, y in turned + np.asarray(shift))
+    return tuple((float(x), float(y)) for x, y in _thinned(drawn))
 
 
 def _thinned(drawn: Drawn) -> Array:

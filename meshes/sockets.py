@@ -7,23 +7,41 @@ import numpy as np
 from calfsocket.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve
-from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Outline, Socket, SocketShape
-from calfsocket.meshes.loops import is_simple, polar_angle
+from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Outline, Shape, Socket
+from calfsocket.meshes.loops import CROSSING_POINTS, at, crossing_of, polar_angle
+
+_REMEDIES = {
+    "normal_offset": "use smaller or wider bumps",
+    "circle_blend": "use smaller or wider bumps",
+    "outline": "correct its points",
+}
 
 
 def socket_faces(socket: Socket, skin: ClosedCurve) -> tuple[ClosedCurve, ClosedCurve]:
-    """Return the inner and the outer face of a socket for a limb of this skin outline."""
-    inner = inner_face(socket.shape, skin)
-    outer = curves.offset(inner, lambda points: np.full(len(points), socket.wall_thickness))
-    for face, curve in (("inner", inner), ("outer", outer)):
-        if not (curve.area > 0 and is_simple(curve.evaluate(curve.sample(curve.perimeter / 400)))):
-            raise InputError(
-                f"socket {socket.name}: the {face} face crosses itself; use smaller or wider bumps"
-            )
+    """Return the inner and the outer face of a socket for a limb of this skin outline.
+
+    Raises
+    ------
+    InputError
+        When a face crosses itself, or the wall is thicker than the inner face is hollow.
+    """
+    thickness = socket.wall_thickness
+    try:
+        inner = inner_face(socket.shape, skin)
+        _check_face(inner, "the inner face crosses itself", _REMEDIES[socket.shape.law])
+        _check_wall(inner, thickness)
+        outer = curves.offset(inner, lambda points: np.full(len(points), thickness))
+        _check_face(
+            outer,
+            f"the outer face crosses itself, for a wall of {thickness:g} mm does not fit,",
+            "make the wall thinner or the hollow there wider",
+        )
+    except InputError as error:
+        raise InputError(f"socket {socket.name}: {error}") from error
     return inner, outer
 
 
-def inner_face(shape: SocketShape, skin: ClosedCurve) -> ClosedCurve:
+def inner_face(shape: Shape, skin: ClosedCurve) -> ClosedCurve:
     """Return the inner face of a socket for a limb of this skin outline."""
     match shape:
         case NormalOffset():
@@ -31,7 +49,29 @@ def inner_face(shape: SocketShape, skin: ClosedCurve) -> ClosedCurve:
         case CircleBlend():
             return circle_blend(shape, skin)
         case Outline():
-            return curves.through(shape.points)
+            return placed(shape)
+
+
+def _check_face(face: ClosedCurve, what: str, remedy: str) -> None:
+    crossing = crossing_of(face)
+    if crossing is not None:
+        raise InputError(f"{what} at {at(crossing)}; {remedy}")
+    if face.area <= 0:
+        raise InputError("a face runs clockwise; give its points counter-clockwise")
+
+
+def _check_wall(inner: ClosedCurve, thickness: float) -> None:
+    """Refuse a wall that folds over: where the face is hollow with a smaller radius."""
+    t = inner.sample(inner.perimeter / CROSSING_POINTS)
+    # 1/mm, negative where the wall's material is squeezed together towards the outside.
+    curvature = inner.curvature(t)
+    worst = int(np.argmin(curvature))
+    if 1 + thickness * curvature[worst] <= 0:
+        raise InputError(
+            f"a wall of {thickness:g} mm folds over: the inner face is hollow with a radius of"
+            f" {-1 / curvature[worst]:.2g} mm at {at(inner.evaluate(t[worst]))}; make the wall"
+            " thinner or the hollow wider"
+        )
 
 
 def bumps_at(bumps: Sequence[Bump], angle: Array) -> Array:
@@ -96,6 +136,11 @@ def circle_blend(shape: CircleBlend, skin: ClosedCurve) -> ClosedCurve:
     bs = skin.integrate(lambda t: blend(t) * bumps(t) * polar(t)[1]) / 2
     ss = skin.integrate(lambda t: bumps(t) ** 2 * polar(t)[1]) / 2
     excess = ss - (1 - shape.area_reduction) * skin.area
+    if bs**2 < bb * excess:
+        raise InputError(
+            f"no circle blend with these bumps has an area reduced by {shape.area_reduction:g}; use"
+            " smaller bumps"
+        )
     k = (bs + np.sqrt(bs**2 - bb * excess)) / bb
 
     def exact(t: Array) -> Array:
@@ -104,3 +149,10 @@ def circle_blend(shape: CircleBlend, skin: ClosedCurve) -> ClosedCurve:
         return point * (radius / np.linalg.norm(point, axis=-1))[:, None]
 
     return curves.interpolated(exact, skin.knots)
+
+
+def placed(shape: Outline) -> ClosedCurve:
+    """Return the spline through an outline's points, turned and shifted."""
+    turn = np.deg2rad(shape.rotation)
+    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return curves.through(np.asarray(shape.points) @ rotation + np.asarray(shape.shift))

@@ -170,7 +170,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "touching curves": (
         lambda c: c["curves"]["fibular_artery"].update(center=[17.0, -6.4]),
-        "mm of 'fibular_vein'; keep curves 0.1 mm apart",
+        "mm of 'fibular_vein' at 335 degrees, (16.78, -7.91) mm; keep curves 0.1 mm apart",
     ),
     "a hole outside": (
         lambda c: move(c, "fibula", 200.0, 0.0),
