@@ -1,12 +1,24 @@
 """Exceptions of calfsocket: what went wrong, where, what is allowed, what to do."""
 
+#: Characters of a line; input that is quoted may be a whole file.
+_LONGEST = 1000
+
 
 class CalfsocketError(Exception):
     """Base of every error that calfsocket raises on purpose; its text is for the user."""
 
 
 class InputError(CalfsocketError, ValueError):
-    """The user's input cannot be used; nothing was solved."""
+    """The user's input cannot be used; nothing was solved.
+
+    Its text is one line that can be printed, whatever of the input is quoted in it.
+    """
+
+    def __init__(self, text: str) -> None:
+        readable = "".join(mark if mark.isprintable() else ascii(mark)[1:-1] for mark in text)
+        if len(readable) > _LONGEST:
+            readable = f"{readable[: _LONGEST // 2]} ... {readable[-_LONGEST // 2 :]}"
+        super().__init__(readable)
 
 
 class SolveError(CalfsocketError, RuntimeError):

@@ -15,7 +15,6 @@ ranges are those of `laws`. The provenance is for people: any keys with texts an
 
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,7 +24,7 @@ from pydantic import BeforeValidator, Field
 import calfsocket
 from calfsocket.errors import InputError
 from calfsocket.laws import Hencky, Law, Ogden, OgdenForm, Yeoh, d1_from_poisson, neo_hookean
-from calfsocket.meshes.schema import Strict, checked, read_text
+from calfsocket.meshes.schema import Strict, checked, read_toml
 from calfsocket.tissues import MaterialSet, materials_of
 from calfsocket.units import COMPLIANCE, STRESS
 from calfsocket.writers import replacing
@@ -109,10 +108,7 @@ def read_material(path: Path) -> Law:
         When it cannot be read or holds no law, naming the file, the key and what is allowed.
     """
     path = Path(path)
-    try:
-        content = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}") from error
+    content = read_toml(path)
     name = content.get("law")
     if not isinstance(name, str) or name not in _MODELS:
         what = "is missing" if name is None else f"is {name!r}"

@@ -1,0 +1,133 @@
+"""Readers given anything at all: a result or an InputError of one line, soon, and nothing else."""
+
+import re
+from collections.abc import Callable
+from datetime import timedelta
+from io import StringIO
+from pathlib import Path
+
+import ezdxf
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from calfsocket.errors import InputError
+from calfsocket.fit.data import read_test
+from calfsocket.material_file import read_material
+from calfsocket.meshes import data
+from calfsocket.meshes.data import Limb, Sockets
+from calfsocket.meshes.outline import read_outline
+from calfsocket.meshes.schema import read_json
+
+Reader = Callable[[Path], object]
+
+#: The same examples in every run, so that a test that fails here fails everywhere.
+fuzzed = settings(
+    max_examples=60,
+    deadline=timedelta(seconds=2),
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+def drawing() -> bytes:
+    document = ezdxf.new("R2000")
+    document.units = 4
+    document.modelspace().add_lwpolyline([(0, 0), (60, 0, 0, 0, 1), (60, 60)], close=True)
+    document.modelspace().add_circle((0, 0), 50)
+    text = StringIO()
+    document.write(text)
+    # Without the tables and objects, which are most of it.
+    entities = text.getvalue().partition("ENTITIES\n")[2].partition("ENDSEC")[0]
+    return f"  0\nSECTION\n  2\nENTITIES\n{entities}ENDSEC\n  0\nEOF\n".encode()
+
+
+FOLDER = Path(data.__file__).parent
+CSV = b"x, y\n" + b"".join(b"%d, %d\n" % (40 * i % 97, i) for i in range(12))
+SVG = (
+    b'<svg xmlns="http://www.w3.org/2000/svg" width="90mm" viewBox="0 0 90 90"><g transform='
+    b'"translate(3) rotate(4)"><path d="M0 0 L9 9 C1 2 3 4 5 6 A 4 4 0 0 1 7 8 Z"/>'
+    b'<circle cx="40" cy="40" r="40"/><polygon points="0,0 50,0 50,50"/></g></svg>'
+)
+MATERIAL = b'law = "ogden"\nmu = ["12 kPa"]\nalpha = [14.0]\nnu = 0.495\n[provenance]\na = 1\n'
+STRETCHES = b"# fascia\nstretch, stress [kPa]\n1.0, 0.0\n1.1, 20\n1.2, 50\n"
+
+READERS: dict[str, tuple[str, Reader, bytes]] = {
+    "CSV outline": ("a.csv", read_outline, CSV),
+    "DXF outline": ("a.dxf", read_outline, drawing()),
+    "SVG outline": ("a.svg", read_outline, SVG),
+    "limb": ("limb.json", lambda path: read_json(path, Limb), (FOLDER / "calf.json").read_bytes()),
+    "sockets": (
+        "sockets.json",
+        lambda path: read_json(path, Sockets),
+        (FOLDER / "sockets.json").read_bytes(),
+    ),
+    "material": ("a.toml", read_material, MATERIAL),
+    "stress-stretch data": ("a.csv", read_test, STRETCHES),
+}
+each_reader = pytest.mark.parametrize("reader", READERS)
+
+#: What numbers, words and brackets are likely to be changed into.
+WORDS = b'nan -1e999 1e308 1e-308 -0 0 null true " [ { } ] < & = , ; \\ud800 \\n'.split()
+PIECES = st.one_of(
+    st.sampled_from([*WORDS, b"", b"9" * 5000, b"\0", b"\xff", b"\n", b"\xe2\x80\xa8"]),
+    st.integers(-1000, 1000).map(lambda number: b"%d" % number),
+    st.floats().map(lambda number: repr(number).encode()),
+    st.binary(max_size=6),
+)
+
+
+@st.composite
+def damaged(draw: st.DrawFn, valid: bytes) -> bytes:
+    """A valid file with up to four places changed, cut, doubled or taken out."""
+    parts = re.split(rb"([^\w.+-]+)", valid)
+    for _ in range(draw(st.integers(1, 4))):
+        place = draw(st.integers(0, len(parts) - 1))
+        match draw(st.sampled_from(["change", "change", "change", "cut", "double", "drop"])):
+            case "change":
+                parts[place] = draw(PIECES)
+            case "cut":
+                del parts[place + 1 :]
+            case "double":
+                parts[place:place] = parts[place : place + 40]
+            case "drop":
+                del parts[place : place + draw(st.integers(1, 40))]
+        parts = parts or [b""]
+    return b"".join(parts)
+
+
+def survives(reader: str, folder: Path, content: bytes) -> None:
+    name, read, _ = READERS[reader]
+    path = folder / name
+    path.write_bytes(content)
+    try:
+        read(path)
+    except InputError as error:
+        line = str(error)
+        assert len(line.splitlines()) == 1
+        line.encode()  # no lone surrogates, which cannot be printed
+        assert len(line) < 1100
+
+
+@each_reader
+@fuzzed
+@given(content=st.data())
+def test_a_damaged_file_is_read_or_refused(
+    tmp_path: Path, reader: str, content: st.DataObject
+) -> None:
+    survives(reader, tmp_path, content.draw(damaged(READERS[reader][2])))
+
+
+@each_reader
+@fuzzed
+@given(content=st.binary(max_size=400) | st.text(max_size=200).map(str.encode))
+def test_any_bytes_are_read_or_refused(tmp_path: Path, reader: str, content: bytes) -> None:
+    survives(reader, tmp_path, content)
+
+
+@each_reader
+def test_deep_nesting_is_refused(tmp_path: Path, reader: str) -> None:
+    for mark in (b"[", b"{", b'{"a":', b"<g>", b"a.", b"0\n", b"((("):
+        for before in (b"", b"a = ", b"<svg>"):
+            survives(reader, tmp_path, before + mark * 20_000)
