@@ -1,5 +1,6 @@
 """The limb and the sockets as data: calf.json and sockets.json, read and checked."""
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -23,13 +24,15 @@ Length = Annotated[float, Field(ge=-1000, le=1000)]
 Thickness = Annotated[float, Field(gt=0, le=1000)]
 Point = tuple[Length, Length]
 Angle = float
+#: Points of a curve that are closer together than this, mm, are one.
+SAME_POINT = 1e-3
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
 
 
 def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
     for point, following in pairwise((*value, value[0])):
-        if point == following:
+        if math.dist(point, following) <= SAME_POINT:
             raise ValueError(f"point {list(point)} follows itself; do not repeat points")
     return value
 

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.curves import Array
+from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.loops import self_crossing
 
-#: Points closer together than this, mm, are one.
-SAME_POINT = 1e-3
 #: Pieces are joined where their ends are at most this far apart, mm.
 JOINT = 0.01
 #: Width and height of an outline, mm. A leg is 60 to 250 mm thick; lengths in m, cm or inch taken

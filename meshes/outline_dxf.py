@@ -56,7 +56,8 @@ def read_dxf(path: Path) -> Drawn:
 def _unit(path: Path, document: Drawing) -> tuple[float, str]:
     """Return the drawing's unit in mm, and what the drawing says of it."""
     number = document.units
-    if number == 0:
+    # Where a drawing has no header at all, the library says metres.
+    if number == 0 or b"$INSUNITS" not in path.read_bytes():
         return 1.0, ""
     name = units.unit_name(number).lower()
     try:

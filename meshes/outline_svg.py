@@ -15,7 +15,8 @@ import svgelements
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import EXTENT, SAME_POINT, STEP, Drawn, Piece, check_extent, joined
+from calfsocket.meshes.data import SAME_POINT
+from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
 from calfsocket.meshes.schema import read_text
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
@@ -184,7 +185,9 @@ def _piece(
 
 
 def _at(segment: svgelements.PathSegment, number: int) -> Array:
-    return np.asarray(segment.npoint(np.linspace(0.0, 1.0, number)), dtype=float).reshape(-1, 2)
+    with np.errstate(all="ignore"):  # what is not finite is refused
+        points = segment.npoint(np.linspace(0.0, 1.0, number))
+    return np.asarray(points, dtype=float).reshape(-1, 2)
 
 
 def _merged(pieces: list[Piece]) -> Iterator[Piece]:

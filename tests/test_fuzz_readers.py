@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import astuple
 from datetime import timedelta
 from io import StringIO
 from pathlib import Path
 
 import ezdxf
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -15,8 +17,19 @@ from calfsocket.errors import InputError
 from calfsocket.fit.data import read_test
 from calfsocket.material_file import read_material
 from calfsocket.meshes import data
-from calfsocket.meshes.data import Limb, Sockets
+from calfsocket.meshes.data import (
+    Bump,
+    CircleBlend,
+    Limb,
+    NormalOffset,
+    Outline,
+    Shape,
+    Socket,
+    Sockets,
+    load_limb,
+)
 from calfsocket.meshes.outline import read_outline
+from calfsocket.meshes.placement import check_placement
 from calfsocket.meshes.schema import read_json
 
 Reader = Callable[[Path], object]
@@ -32,27 +45,32 @@ fuzzed = settings(
 
 
 def drawing() -> bytes:
+    """Two lines and two half circles as three entities: a DXF without header and tables."""
     document = ezdxf.new("R2000")
-    document.units = 4
-    document.modelspace().add_lwpolyline([(0, 0), (60, 0, 0, 0, 1), (60, 60)], close=True)
-    document.modelspace().add_circle((0, 0), 50)
+    space = document.modelspace()
+    space.add_line((0, 0), (40, 0))
+    space.add_arc((40, 30), 30, -90, 90)
+    space.add_lwpolyline([(40, 60, 0, 0, 0), (0, 60, 0, 0, 1), (0, 0)])
     text = StringIO()
     document.write(text)
-    # Without the tables and objects, which are most of it.
     entities = text.getvalue().partition("ENTITIES\n")[2].partition("ENDSEC")[0]
     return f"  0\nSECTION\n  2\nENTITIES\n{entities}ENDSEC\n  0\nEOF\n".encode()
 
 
+LIMB = load_limb()
 FOLDER = Path(data.__file__).parent
-CSV = b"x, y\n" + b"".join(b"%d, %d\n" % (40 * i % 97, i) for i in range(12))
+CSV = b"x, y\n" + b"".join(
+    b"%.2f, %.2f\n" % (55 * np.cos(t), 50 * np.sin(t)) for t in np.arange(0, 6.2, 0.35)
+)
 SVG = (
     b'<svg xmlns="http://www.w3.org/2000/svg" width="90mm" viewBox="0 0 90 90"><g transform='
-    b'"translate(3) rotate(4)"><path d="M0 0 L9 9 C1 2 3 4 5 6 A 4 4 0 0 1 7 8 Z"/>'
-    b'<circle cx="40" cy="40" r="40"/><polygon points="0,0 50,0 50,50"/></g></svg>'
+    b'"translate(3) rotate(4)"><path d="M0 0 H40 A30 30 0 0 1 40 60 C9 60 9 60 0 60"/>'
+    b'<path d="M 0 0 a 30 30 0 0 0 0 60"/></g></svg>'
 )
 MATERIAL = b'law = "ogden"\nmu = ["12 kPa"]\nalpha = [14.0]\nnu = 0.495\n[provenance]\na = 1\n'
 STRETCHES = b"# fascia\nstretch, stress [kPa]\n1.0, 0.0\n1.1, 20\n1.2, 50\n"
 
+#: Name of the file, its reader, and what it reads.
 READERS: dict[str, tuple[str, Reader, bytes]] = {
     "CSV outline": ("a.csv", read_outline, CSV),
     "DXF outline": ("a.dxf", read_outline, drawing()),
@@ -127,7 +145,61 @@ def test_any_bytes_are_read_or_refused(tmp_path: Path, reader: str, content: byt
 
 
 @each_reader
+def test_undamaged_they_are_read(tmp_path: Path, reader: str) -> None:
+    name, read, valid = READERS[reader]
+    (tmp_path / name).write_bytes(valid)
+    assert read(tmp_path / name)
+
+
+@each_reader
 def test_deep_nesting_is_refused(tmp_path: Path, reader: str) -> None:
     for mark in (b"[", b"{", b'{"a":', b"<g>", b"a.", b"0\n", b"((("):
         for before in (b"", b"a = ", b"<svg>"):
             survives(reader, tmp_path, before + mark * 20_000)
+
+
+LENGTHS = st.floats(-1000, 1000) | st.floats(-5, 5)
+PLACES = st.integers(-9000, 9000).map(lambda hundredths: hundredths / 100)
+BUMPS = st.builds(
+    Bump,
+    center=st.floats(allow_nan=False, allow_infinity=False),
+    width=st.floats(1e-6, 1e6) | st.floats(3, 40),
+    amplitude=LENGTHS,
+)
+SHAPES = st.one_of(
+    st.builds(
+        NormalOffset,
+        title=st.just(""),
+        law=st.just("normal_offset"),
+        base=LENGTHS,
+        bumps=st.lists(BUMPS, max_size=3),
+    ),
+    st.builds(
+        CircleBlend,
+        title=st.just(""),
+        law=st.just("circle_blend"),
+        area_reduction=st.floats(-0.99, 0.99),
+        roundness=st.floats(0, 1),
+        bumps=st.lists(BUMPS, max_size=3),
+    ),
+    st.builds(
+        Outline,
+        title=st.just(""),
+        law=st.just("outline"),
+        points=st.lists(st.tuples(PLACES, PLACES), min_size=4, max_size=12, unique=True),
+        shift=st.tuples(LENGTHS, LENGTHS),
+        rotation=st.floats(-360, 360),
+    ),
+)
+
+
+@settings(fuzzed, max_examples=40)
+@given(shape=SHAPES, wall=st.floats(1e-9, 1000) | st.floats(1, 9))
+def test_any_socket_is_placed_or_refused(shape: Shape, wall: float) -> None:
+    try:
+        found = check_placement(Socket(name="any", shape=shape, wall_thickness=wall), LIMB)
+    except InputError as error:
+        assert str(error).startswith("socket any: ")
+    else:
+        assert np.isfinite(astuple(found)).all()
+        assert found.largest_overlap > 0

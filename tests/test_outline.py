@@ -79,6 +79,16 @@ def loose_lines(space: Any) -> None:
         space.add_line(*sides[i][:: 1 if i % 3 else -1])
 
 
+def bare_dxf(path: Path) -> None:
+    """Entities without header and tables, as scanners' programs write them."""
+    lines = ["0", "SECTION", "2", "ENTITIES"]
+    for (x, y), (u, v) in zip(POINTS, np.roll(POINTS, -1, axis=0), strict=True):
+        lines += ["0", "LINE", "8", "0"]
+        for code, value in zip((10, 20, 11, 21), (x, y, u, v), strict=True):
+            lines += [str(code), f"{value:.5f}"]
+    path.write_text("\n".join([*lines, "0", "ENDSEC", "0", "EOF", ""]))
+
+
 def bezier(path: Path) -> None:
     """The face's cubic pieces, on a page of 15 x 15 cm, in a group that is moved and moved back."""
     t = FACE.knots
@@ -121,6 +131,7 @@ WAYS: dict[str, tuple[str, Callable[[Path], None]]] = {
     ),
     "DXF spline": ("face.dxf", dxf(spline)),
     "DXF lines": ("face.dxf", dxf(loose_lines)),
+    "DXF of lines alone": ("face.dxf", bare_dxf),
     "SVG path": ("face.svg", bezier),
     "SVG polygon in pixels": ("face.svg", pixels),
 }
