@@ -22,6 +22,8 @@ from calfsocket.meshes.schema import Strict, nearest, read_json
 #: A length, mm, with a sign. No section of a limb is wider; sampling one of 10 km would not end.
 Length = Annotated[float, Field(ge=-1000, le=1000)]
 Thickness = Annotated[float, Field(gt=0, le=1000)]
+#: How far a socket's face may lie from the skin, mm.
+Offset = Annotated[float, Field(ge=-100, le=100)]
 Point = tuple[Length, Length]
 Angle = float
 #: Points of a curve that are closer together than this, mm, are one.
@@ -209,7 +211,7 @@ class Bump(Strict):
     site: str = ""
     center: Angle
     width: PositiveFloat
-    amplitude: Length
+    amplitude: Offset
 
 
 class _Shape(Strict):
@@ -224,7 +226,7 @@ class NormalOffset(_Shape):
     """
 
     law: Literal["normal_offset"]
-    base: Length
+    base: Offset
     bumps: tuple[Bump, ...] = ()
 
 

@@ -152,15 +152,16 @@ def _at(point: Array) -> str:
 
 def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: str = "") -> None:
     """Raise an InputError unless width and height of points, mm, lie in the range allowed."""
-    size = np.ptp(points, axis=0)
-    low, high = allowed
-    if low <= size.min() and size.max() <= high:
-        return
-    meant = [
-        name
-        for name, factor in _OTHER_UNITS.items()
-        if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
-    ]
+    with np.errstate(over="ignore"):
+        size = np.ptp(points, axis=0)
+        low, high = allowed
+        if low <= size.min() and size.max() <= high:
+            return
+        meant = [
+            name
+            for name, factor in _OTHER_UNITS.items()
+            if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
+        ]
     hint = f" (drawn in {' or '.join(meant)}?)" if meant else ""
     raise InputError(
         f"{path}: the outline is {size[0]:.4g} x {size[1]:.4g} mm{hint}{unit and '; '}{unit};"

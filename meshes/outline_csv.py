@@ -22,6 +22,8 @@ from calfsocket.meshes.schema import read_text
 
 #: The outline is open where it closes with a side this many times as long as the longest other.
 _OPENING = 3.0
+#: No outline has larger coordinates, mm, in whatever unit it was drawn.
+_LARGEST = 1e9
 _HEADER = re.compile(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
@@ -79,9 +81,9 @@ def _point(path: Path, number: int, cells: list[str], separator: str) -> tuple[f
 def _number(path: Path, number: int, cell: str, separator: str) -> float:
     if _is_number(cell, separator):
         value = float(_plain(cell, separator))
-        if np.isfinite(value):
+        if abs(value) <= _LARGEST:
             return value
-    raise InputError(f"{path}, line {number}: {cell.strip()!r} is no finite number; give mm")
+    raise InputError(f"{path}, line {number}: {cell.strip()!r} is no length; give a number of mm")
 
 
 def _is_number(cell: str, separator: str) -> bool:

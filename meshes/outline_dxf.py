@@ -78,8 +78,9 @@ def _piece(path: Path, entity: DXFEntity, scale: float, unit: str) -> Piece:
             " and delete the rest"
         )
     try:
-        curve = dxf_path.make_path(entity, segments=_ARC_PIECES, level=_SPLINE_LEVEL)
-        curve = curve.transform(Matrix44.scale(scale))
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            curve = dxf_path.make_path(entity, segments=_ARC_PIECES, level=_SPLINE_LEVEL)
+            curve = curve.transform(Matrix44.scale(scale))
         control = np.array([tuple(point) for point in curve.control_vertices()]).reshape(-1, 3)
     except Exception as error:  # of the library's own, on entities that contradict themselves
         raise InputError(f"{path}, {place}: cannot be read; draw it again") from error

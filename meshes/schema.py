@@ -104,6 +104,10 @@ def checked(path: Path, content: Any, model: type[Model]) -> Model:
     """Check the parsed content of a file; raise an InputError naming the file and the key."""
     try:
         return model.model_validate(content)
+    except UnicodeEncodeError as error:  # in a key; in a text it is a ValidationError
+        raise InputError(
+            f"{path}: {error.object!r} holds half a character; write it whole"
+        ) from error
     except ValidationError as error:
         first = error.errors()[0]
         place = _place(content, first["loc"], first["type"] == "missing")

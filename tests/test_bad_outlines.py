@@ -106,9 +106,11 @@ TRIALS = (
     Trial("a header in cm", ("a.csv", "x [cm], y [cm]\n1, 2\n"), ("unit 'cm'", "in mm")),
     Trial("three columns", ("a.csv", row(5, "1, 2, 3")), ("line 5: 3 cells; give two",)),
     Trial("one column", ("a.csv", row(5, "1")), ("line 5: 1 cells; give two",)),
-    Trial("a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is no finite",)),
-    Trial("NaN", ("a.csv", row(7, "nan, 2")), ("line 7: 'nan' is no finite number",)),
-    Trial("infinity", ("a.csv", row(7, "1, 1e999")), ("line 7: '1e999' is no finite number",)),
+    Trial("a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is no length",)),
+    Trial("NaN", ("a.csv", row(7, "nan, 2")), ("line 7: 'nan' is no length; give a number",)),
+    Trial(
+        "infinity", ("a.csv", row(7, "1, 1e999")), ("line 7: '1e999' is no length; give a number",)
+    ),
     Trial("three points", ("a.csv", rows(CIRCLE[::30])), ("has 3 points", "needs 4 or more")),
     Trial("a header alone", ("a.csv", "x, y\n"), ("has 0 points",)),
     Trial(

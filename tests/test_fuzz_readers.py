@@ -37,7 +37,7 @@ Reader = Callable[[Path], object]
 #: The same examples in every run, so that a test that fails here fails everywhere.
 fuzzed = settings(
     max_examples=60,
-    deadline=timedelta(seconds=2),
+    deadline=timedelta(seconds=5),
     derandomize=True,
     database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
@@ -158,20 +158,20 @@ def test_deep_nesting_is_refused(tmp_path: Path, reader: str) -> None:
             survives(reader, tmp_path, before + mark * 20_000)
 
 
-LENGTHS = st.floats(-1000, 1000) | st.floats(-5, 5)
+OFFSETS = st.floats(-100, 100) | st.floats(-5, 5)
 PLACES = st.integers(-9000, 9000).map(lambda hundredths: hundredths / 100)
 BUMPS = st.builds(
     Bump,
     center=st.floats(allow_nan=False, allow_infinity=False),
     width=st.floats(1e-6, 1e6) | st.floats(3, 40),
-    amplitude=LENGTHS,
+    amplitude=OFFSETS,
 )
 SHAPES = st.one_of(
     st.builds(
         NormalOffset,
         title=st.just(""),
         law=st.just("normal_offset"),
-        base=LENGTHS,
+        base=OFFSETS,
         bumps=st.lists(BUMPS, max_size=3),
     ),
     st.builds(
@@ -187,14 +187,14 @@ SHAPES = st.one_of(
         title=st.just(""),
         law=st.just("outline"),
         points=st.lists(st.tuples(PLACES, PLACES), min_size=4, max_size=12, unique=True),
-        shift=st.tuples(LENGTHS, LENGTHS),
+        shift=st.tuples(OFFSETS, OFFSETS),
         rotation=st.floats(-360, 360),
     ),
 )
 
 
-@settings(fuzzed, max_examples=40)
-@given(shape=SHAPES, wall=st.floats(1e-9, 1000) | st.floats(1, 9))
+@settings(fuzzed, max_examples=30, deadline=timedelta(seconds=10))
+@given(shape=SHAPES, wall=st.floats(1e-9, 100) | st.floats(1, 9))
 def test_any_socket_is_placed_or_refused(shape: Shape, wall: float) -> None:
     try:
         found = check_placement(Socket(name="any", shape=shape, wall_thickness=wall), LIMB)

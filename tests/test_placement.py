@@ -142,15 +142,15 @@ REFUSED = {
             CircleBlend(
                 title="",
                 law="circle_blend",
-                area_reduction=0.9,
+                area_reduction=0.98,
                 roundness=0.5,
                 bumps=(
-                    Bump(center=0, width=30, amplitude=200.0),
-                    Bump(center=180, width=30, amplitude=-200.0),
+                    Bump(center=0, width=30, amplitude=100.0),
+                    Bump(center=180, width=30, amplitude=-100.0),
                 ),
             )
         ),
-        ("no circle blend with these bumps has an area reduced by 0.9",),
+        ("no circle blend with these bumps has an area reduced by 0.98",),
     ),
 }
 
