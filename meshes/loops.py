@@ -71,6 +71,11 @@ def check_loops(limb: Limb, source: Path) -> None:
             raise InputError(
                 f"{source}: curves.{name}: crosses itself at {at(crossing)}; move its points apart"
             )
+    if not inside(np.zeros(2), samples[limb.contact_boundary]):
+        raise InputError(
+            f"{source}: curves.{limb.contact_boundary}: does not go round the origin, about which"
+            " angles are measured; shift all curves so that it does"
+        )
     trees = {name: cKDTree(points) for name, points in samples.items()}
     for name, other in combinations(samples, 2):
         gaps = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0]
@@ -80,11 +85,6 @@ def check_loops(limb: Limb, source: Path) -> None:
                 f"{source}: curves.{name}: comes within {gaps.min():.3f} mm of '{other}' at"
                 f" {at(nearest)}; keep curves {MIN_GAP} mm apart"
             )
-    if not inside(np.zeros(2), samples[limb.contact_boundary]):
-        raise InputError(
-            f"{source}: curves.{limb.contact_boundary}: does not go round the origin, about which"
-            " angles are measured; shift all curves so that it does"
-        )
     # Curves that do not touch lie inside one another wholly or not at all: one point tells.
     for region in limb.regions:
         place = f"{source}: regions.{region.name}"
