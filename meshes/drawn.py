@@ -162,10 +162,11 @@ def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: 
             for name, factor in _OTHER_UNITS.items()
             if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
         ]
-    hint = f" (drawn in {' or '.join(meant)}?)" if meant else ""
+    remedy = f"{unit}, correct that" if unit else "give lengths in mm"
+    hint = f" (drawn in {' or '.join(meant)}?)" if meant and not unit else ""
     raise InputError(
-        f"{path}: the outline is {size[0]:.4g} x {size[1]:.4g} mm{hint}{unit and '; '}{unit};"
-        f" allowed are {EXTENT[0]:g} to {EXTENT[1]:g} mm: give lengths in mm"
+        f"{path}: the outline is {size[0]:.3g} x {size[1]:.3g} mm{hint}; allowed are"
+        f" {EXTENT[0]:g} to {EXTENT[1]:g} mm: {remedy}"
     )
 
 

@@ -73,7 +73,7 @@ def _check_header(path: Path, number: int, cells: list[str]) -> None:
 
 def _point(path: Path, number: int, cells: list[str], separator: str) -> tuple[float, float]:
     if len(cells) != 2:
-        raise InputError(f"{path}, line {number}: {len(cells)} cells; give two, x and y in mm")
+        raise InputError(f"{path}, line {number}: needs two cells, x and y in mm; has {len(cells)}")
     x, y = (_number(path, number, cell, separator) for cell in cells)
     return x, y
 

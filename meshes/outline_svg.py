@@ -80,8 +80,9 @@ def _unit(path: Path, root: ElementTree.Element) -> float:
             continue
         found = _LENGTH.fullmatch(text or "")
         if not found or (found[2] or "px") not in _MM or float(found[1]) <= 0:
+            what = "missing" if text is None else repr(text)
             raise InputError(
-                f"{path}: {name} is {text!r}; beside a viewBox give it with a unit, e.g. 150mm"
+                f"{path}: {name} is {what}; beside a viewBox give it with a unit, e.g. 150mm"
             )
         scales.append(float(found[1]) * _MM[found[2] or "px"] / side)
     if max(scales) > 1.001 * min(scales):

@@ -104,8 +104,12 @@ TRIALS = (
     Trial("prose", ("a.csv", "Dear socket,\nhello"), ("line 1", "is no point and no header")),
     Trial("other columns", ("a.csv", "x, z\n1, 2\n"), ("line 1: 'x, z'", "write `x, y`")),
     Trial("a header in cm", ("a.csv", "x [cm], y [cm]\n1, 2\n"), ("unit 'cm'", "in mm")),
-    Trial("three columns", ("a.csv", row(5, "1, 2, 3")), ("line 5: 3 cells; give two",)),
-    Trial("one column", ("a.csv", row(5, "1")), ("line 5: 1 cells; give two",)),
+    Trial(
+        "three columns",
+        ("a.csv", row(5, "1, 2, 3")),
+        ("line 5: needs two cells, x and y in mm; has 3",),
+    ),
+    Trial("one column", ("a.csv", row(5, "1")), ("line 5: needs two cells, x and y in mm; has 1",)),
     Trial("a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is no length",)),
     Trial("NaN", ("a.csv", row(7, "nan, 2")), ("line 7: 'nan' is no length; give a number",)),
     Trial(
@@ -139,7 +143,7 @@ TRIALS = (
         ("crosses or touches itself",),
     ),
     Trial(
-        "metres", ("a.csv", rows(CIRCLE / 1000)), ("0.11 x 0.1099 mm (drawn in m?)", "30 to 500 mm")
+        "metres", ("a.csv", rows(CIRCLE / 1000)), ("0.11 x 0.11 mm (drawn in m?)", "30 to 500 mm")
     ),
     Trial("inches", ("a.csv", rows(CIRCLE / 25.4)), ("drawn in inch",)),
     Trial("micrometres", ("a.csv", rows(CIRCLE * 1000)), ("drawn in micrometres?",)),
@@ -267,7 +271,7 @@ TRIALS = (
     Trial(
         "a viewBox without a width",
         ("a.svg", svg(CIRCLE_SVG, 'viewBox="-80 -80 160 160"')),
-        ("width is None; beside a viewBox",),
+        ("width is missing; beside a viewBox",),
     ),
     Trial(
         "a width in per cent",
@@ -287,7 +291,7 @@ TRIALS = (
     Trial(
         "a page ten times too small",
         ("a.svg", svg(CIRCLE_SVG, 'width="16mm" viewBox="-80 -80 160 160"')),
-        ("11 x 11 mm (drawn in inch or cm?); its unit is 0.1 mm",),
+        ("11 x 11 mm; allowed are 30 to 500 mm: its unit is 0.1 mm by width and viewBox, correct",),
     ),
 )
 

@@ -158,6 +158,19 @@ def test_deep_nesting_is_refused(tmp_path: Path, reader: str) -> None:
             survives(reader, tmp_path, before + mark * 20_000)
 
 
+@each_reader
+def test_cells_and_words_without_end_are_refused(tmp_path: Path, reader: str) -> None:
+    for before in (b"", b"stretch, stress [kPa]\n1, ", b"x, y\n1, ", b'{"'):
+        survives(reader, tmp_path, before + b"7" * 200_000)
+
+
+def test_a_key_that_would_take_minutes_to_read_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_bytes(b"a." * 100_000)
+    with pytest.raises(InputError, match=r"a\.toml: has 0\.2 MB; at most 0\.05 MB are read"):
+        read_material(path)
+
+
 OFFSETS = st.floats(-100, 100) | st.floats(-5, 5)
 PLACES = st.integers(-9000, 9000).map(lambda hundredths: hundredths / 100)
 BUMPS = st.builds(

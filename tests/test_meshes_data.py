@@ -92,6 +92,10 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
         lambda c: c["curves"]["tibia"]["points"].append([-6.89, 21.23]),
         "curves.tibia.points: point [-6.89, 21.23] follows itself",
     ),
+    "nearly repeated point": (
+        lambda c: c["curves"]["tibia"]["points"].append([-6.8905, 21.23]),
+        "curves.tibia.points: point [-6.8905, 21.23] follows itself",
+    ),
     "unknown curve type": (
         lambda c: c["curves"]["fibular_vein"].update(type="circle"),
         "curves.fibular_vein: Input tag 'circle'",

@@ -1,5 +1,7 @@
 """How sockets sit on the calf, and the sockets that cannot be donned."""
 
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -43,6 +45,17 @@ def ring(radius: float, waves: float = 0.0) -> np.ndarray:
     t = np.deg2rad(np.arange(0, 360, 4))
     r = radius + waves * np.cos(9 * t)
     return np.round(np.column_stack([r * np.cos(t), r * np.sin(t)]), 6)
+
+
+def test_checks_load_neither_the_mesher_nor_the_solver() -> None:
+    """So that a study is checked in a moment."""
+    code = """
+import sys
+from calfsocket.meshes import outline, placement
+print(sorted({"gmsh", "dolfinx", "petsc4py", "mpi4py"} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 #: Reduction of area and perimeter in %, overlap min, mean and max in mm (geometry's note).
