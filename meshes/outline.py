@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calfsocket.errors import InputError
 from calfsocket.meshes import curves
@@ -15,10 +16,12 @@ from calfsocket.meshes.outline_svg import read_svg
 
 #: Readers by the ending of the file's name.
 READERS = {".csv": read_csv, ".dxf": read_dxf, ".svg": read_svg}
-#: Points up to this number are taken as they are. A spline with more makes meshing slow.
-MANY_POINTS = 400
-#: Largest distance, mm, of a spline through fewer points from those left out.
-TOLERANCE = 2e-3
+#: Points up to this number are taken as they are. Meshing takes 1.3 s with 400, 1.7 s with 1000.
+MANY_POINTS = 1000
+#: Largest distance, mm, of a spline through fewer points from those left out: the first that can be
+#: kept. Waves of 0.002 mm change the largest contact pressure by 2 %; what was measured to 0.01 mm
+#: and written down every 0.1 mm cannot be followed more closely.
+TOLERANCES = (1e-4, 1e-3, 1e-2)
 
 
 def read_outline(path: Path | str) -> tuple[Point, ...]:
@@ -67,23 +70,31 @@ def _thinned(drawn: Drawn) -> Array:
     number = len(points)
     if number <= MANY_POINTS:
         return points
+    for tolerance in TOLERANCES:
+        kept = _knots(points, tolerance)
+        if kept is not None:
+            return points[kept]
+    raise InputError(
+        f"{drawn.path}: the outline is so rough that {MANY_POINTS} points do not follow it to"
+        f" {TOLERANCES[-1]} mm; smooth it"
+    )
+
+
+def _knots(points: Array, tolerance: float) -> NDArray[np.int64] | None:
+    """Return the indices of points through which a spline comes near all others, if few do."""
+    number = len(points)
+    chord = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
+    along = np.append(0.0, np.cumsum(chord))
     kept = np.linspace(0, number, 33)[:-1].astype(int)
     while len(kept) <= MANY_POINTS:
         curve = curves.through(points[kept])
-        chord = np.linalg.norm(np.diff(points, axis=0, append=points[:1]), axis=1)
-        along = np.append(0.0, np.cumsum(chord))
         ends = np.append(kept, number)
         # The parameter of a point left out: its share of the way between the two that stay.
         t = np.interp(along[:-1], along[ends], curve.knots)
         off = points - curve.evaluate(t)
-        distance = np.abs(np.sum(off * curve.normal(t), axis=1))
-        far = distance > TOLERANCE
+        far = np.abs(np.sum(off * curve.normal(t), axis=1)) > tolerance
         if not far.any():
-            return points[kept]
+            return kept
         interval = np.unique(np.searchsorted(kept, np.flatnonzero(far), side="right") - 1)
-        middle = (ends[interval] + ends[interval + 1]) // 2
-        kept = np.union1d(kept, middle)
-    raise InputError(
-        f"{drawn.path}: the outline is so rough that {MANY_POINTS} points do not follow it to"
-        f" {TOLERANCE} mm; smooth it"
-    )
+        kept = np.union1d(kept, (ends[interval] + ends[interval + 1]) // 2)
+    return None

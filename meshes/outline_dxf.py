@@ -21,7 +21,7 @@ from calfsocket.meshes.schema import check_readable
 
 TYPES = ("LWPOLYLINE", "POLYLINE", "SPLINE", "CIRCLE", "ELLIPSE", "LINE", "ARC")
 #: Distance, mm, from a curve to the chords that stand for it; their ends are on the curve.
-_FLATNESS = 1e-4
+_FLATNESS = 1e-5
 #: Bezier pieces of an arc, at least: to 1e-6 mm on a circle of 100 mm, where one is 0.03 mm off.
 _ARC_PIECES = 16
 #: Times a spline that is no plain cubic is halved on the way to Bezier pieces.

@@ -21,8 +21,8 @@ ANGLES = np.deg2rad(np.arange(0, 360, 4))
 CIRCLE = 55 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 EIGHT = np.column_stack([80 * np.cos(ANGLES), 50 * np.sin(2 * ANGLES)])
 SQUARE = np.array([(-50, -50), (50, -50), (50, 50), (-50, 50)])
-#: Wavy by 0.03 mm every 0.35 mm: no turn is sharp, and no spline of 400 points follows.
-ROUGH_ANGLES = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
+#: Wavy by 0.03 mm every 0.35 mm: no turn is sharp, and no spline of 1000 points follows.
+ROUGH_ANGLES = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
 ROUGH = (55 + 0.03 * np.cos(500 * ROUGH_ANGLES))[:, None] * np.column_stack(
     [np.cos(ROUGH_ANGLES), np.sin(ROUGH_ANGLES)]
 )
