@@ -61,6 +61,14 @@ def move(content: dict[str, Any], curve: str, x: float, y: float) -> None:
     curve["points"] = [[a + x, b + y] for a, b in curve["points"]]
 
 
+def shift_all(content: dict[str, Any]) -> None:
+    for curve in content["curves"].values():
+        if curve["type"] == "spline":
+            curve["points"] = [[x + 200.0, y] for x, y in curve["points"]]
+        elif curve["type"] == "ellipse":
+            curve["center"][0] += 200.0
+
+
 LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     "units": (lambda c: c.update(units="cm, deg"), "units: Input should be 'mm, deg'"),
     "missing key": (lambda c: c.pop("layers"), "layers: Field required"),
@@ -83,6 +91,10 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     "repeated point": (
         lambda c: c["curves"]["tibia"]["points"].append([-6.89, 21.23]),
         "curves.tibia.points: point [-6.89, 21.23] follows itself",
+    ),
+    "nearly repeated point": (
+        lambda c: c["curves"]["tibia"]["points"].append([-6.8905, 21.23]),
+        "curves.tibia.points: point [-6.8905, 21.23] follows itself",
     ),
     "unknown curve type": (
         lambda c: c["curves"]["fibular_vein"].update(type="circle"),
@@ -162,7 +174,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "a loop that crosses itself": (
         lambda c: c["curves"]["skin_outline"]["points"].__setitem__(0, [-30.0, 0.0]),
-        "curves.skin_outline: crosses itself",
+        "curves.skin_outline: crosses itself at ",
     ),
     "an offset that folds over": (
         lambda c: c["layers"].update(skin_thickness=20.0),
@@ -170,8 +182,25 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "touching curves": (
         lambda c: c["curves"]["fibular_artery"].update(center=[17.0, -6.4]),
-        "mm of 'fibular_vein'; keep curves 0.1 mm apart",
+        "mm of 'fibular_vein' at 335 degrees, (16.78, -7.91) mm; keep curves 0.1 mm apart",
     ),
+    "beside the origin": (
+        shift_all,
+        "curves.skin_outline: does not go round the origin",
+    ),
+    "a point of one number": (
+        lambda c: c["curves"]["tibia"]["points"].__setitem__(3, [1.0]),
+        "curves.tibia.points.3.1: Field required",
+    ),
+    "a limb of 2 m": (
+        lambda c: c["curves"]["tibia"]["points"].__setitem__(3, [0.0, 2000.0]),
+        "curves.tibia.points.3.1: Input should be less than or equal to 1000",
+    ),
+    "half a character": (
+        lambda c: c.update({"\ud800": 1}),
+        "holds half a character; write it whole",
+    ),
+    "a key of two lines": (lambda c: c.update({"a\nb": 1}), "unknown key 'a\\nb'; allowed:"),
     "a hole outside": (
         lambda c: move(c, "fibula", 200.0, 0.0),
         "regions.deep_fascia: hole 'fibula' is not inside 'fascia_outer'",
@@ -225,6 +254,8 @@ def test_a_wrong_socket_is_refused_in_one_line(
         ('{"units": "mm, deg", "units": "mm, deg"}', "key 'units' stands twice"),
         ('{"units": ', "line 1 column 11"),
         ("[]", "Input should be a valid dictionary"),
+        ("[" * 100_000, "is nested too deeply"),
+        ("9" * 5000, "Exceeds the limit"),
     ],
 )
 def test_what_is_no_proper_json_is_refused(tmp_path: Path, text: str, expected: str) -> None:

@@ -134,7 +134,7 @@ class _Table:
         comments = [line.lstrip("# ").rstrip() for line in lines if line.startswith("#")]
         self.title = next(filter(None, comments), path.name)
         numbered = [
-            (number, next(csv.reader([line], skipinitialspace=True)))
+            (number, self._cells(number, line))
             for number, line in enumerate(lines, 1)
             if line.strip() and not line.startswith("#")
         ]
@@ -149,6 +149,12 @@ class _Table:
                 )
         columns = zip(*(cells for _, cells in numbered[1:]), strict=True)
         self.text = dict(zip(self.units, columns, strict=True))
+
+    def _cells(self, number: int, line: str) -> list[str]:
+        try:
+            return next(csv.reader([line], skipinitialspace=True))
+        except csv.Error as error:
+            raise InputError(f"{self.path}, line {number}: is no row of cells ({error})") from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""

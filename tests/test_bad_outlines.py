@@ -1,0 +1,321 @@
+"""Outlines that cannot be used: each is refused in one line that says where and what to do."""
+
+import os
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from reliability import Trial
+
+from calfsocket.errors import InputError
+from calfsocket.meshes.outline import read_outline
+
+TITLE = "Outlines of sockets"
+INTRO = "Files given as the inner face of a socket, as CSV, DXF or SVG."
+
+ANGLES = np.deg2rad(np.arange(0, 360, 4))
+CIRCLE = 55 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+EIGHT = np.column_stack([80 * np.cos(ANGLES), 50 * np.sin(2 * ANGLES)])
+SQUARE = np.array([(-50, -50), (50, -50), (50, 50), (-50, 50)])
+#: Wavy by 0.03 mm every 0.35 mm: no turn is sharp, and no spline of 1000 points follows.
+ROUGH_ANGLES = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+ROUGH = (55 + 0.03 * np.cos(500 * ROUGH_ANGLES))[:, None] * np.column_stack(
+    [np.cos(ROUGH_ANGLES), np.sin(ROUGH_ANGLES)]
+)
+
+
+def rows(points: np.ndarray, header: str = "x, y\n") -> str:
+    return header + "".join(f"{x:.5f}, {y:.5f}\n" for x, y in points)
+
+
+def row(number: int, text: str) -> str:
+    """A circle with another text in one line; the header is line 1."""
+    lines = rows(CIRCLE).splitlines()
+    lines[number - 1] = text
+    return "\n".join(lines)
+
+
+def drawing(draw: Callable[[Any], object], unit: int = 4) -> Callable[[Path], None]:
+    """A DXF drawing in millimetres, or in another unit by its number."""
+
+    def write(path: Path) -> None:
+        document = ezdxf.new()
+        document.units = unit
+        draw(document.modelspace())
+        document.saveas(path)
+
+    return write
+
+
+def block(space: Any) -> None:
+    space.doc.blocks.new("SOCKET").add_circle((0, 0), 55)
+    space.add_blockref("SOCKET", (0, 0))
+
+
+def lines(space: Any, points: np.ndarray) -> None:
+    for start, end in zip(points, np.roll(points, -1, axis=0), strict=True):
+        space.add_line(start, end)
+
+
+def almost_closed(space: Any) -> None:
+    for start, end in pairwise([*CIRCLE, CIRCLE[0] + [1, 0]]):
+        space.add_line(start, end)
+
+
+def cut_short(path: Path) -> None:
+    drawing(lambda space: space.add_lwpolyline(CIRCLE, close=True))(path)
+    text = path.read_text()
+    path.write_text(text[: text.index("LWPOLYLINE") + 300])
+
+
+def svg(inside: str, attributes: str = 'width="160mm" viewBox="-80 -80 160 160"') -> str:
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {attributes}>{inside}</svg>'
+
+
+CIRCLE_SVG = '<circle id="face" r="55"/>'
+HALF = " ".join(f"{x:.3f},{y:.3f}" for x, y in CIRCLE[:46])
+LAUGHS = (
+    '<!DOCTYPE svg [<!ENTITY a0 "ha">'
+    + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+    + ']><svg xmlns="http://www.w3.org/2000/svg"><title>&a9;</title></svg>'
+)
+
+
+def sparse(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(11_000_000)
+
+
+TRIALS = (
+    Trial("no such file", ("none.csv", None), ("none.csv: cannot be read (No such file",)),
+    Trial("a folder", ("folder.csv", Path.mkdir), ("is no file",)),
+    Trial("a pipe that nobody writes to", ("pipe.csv", os.mkfifo), ("is no file",)),
+    Trial("a file of 11 MB", ("large.csv", sparse), ("has 11 MB; at most 10 MB",)),
+    Trial("a spreadsheet", ("a.xlsx", "x"), (".xlsx is no format of outlines", ".csv, .dxf, .svg")),
+    Trial("no ending", ("outline", "x"), ("no ending is no format of outlines",)),
+    Trial("an empty CSV", ("a.csv", ""), ("is empty; give a row `x, y`",)),
+    Trial("a CSV of comments", ("a.csv", "# x, y\n\n"), ("is empty",)),
+    Trial("a picture called CSV", ("a.csv", b"\x89PNG\r\n\x1a\n\0\0"), ("is not UTF-8 text",)),
+    Trial("a CSV in Latin-1", ("a.csv", "# B\xf6schung\n".encode("latin-1")), ("not UTF-8",)),
+    Trial("prose", ("a.csv", "Dear socket,\nhello"), ("line 1", "is no point and no header")),
+    Trial("other columns", ("a.csv", "x, z\n1, 2\n"), ("line 1: 'x, z'", "write `x, y`")),
+    Trial("a header in cm", ("a.csv", "x [cm], y [cm]\n1, 2\n"), ("unit 'cm'", "in mm")),
+    Trial(
+        "three columns",
+        ("a.csv", row(5, "1, 2, 3")),
+        ("line 5: needs two cells, x and y in mm; has 3",),
+    ),
+    Trial("one column", ("a.csv", row(5, "1")), ("line 5: needs two cells, x and y in mm; has 1",)),
+    Trial("a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is no length",)),
+    Trial("NaN", ("a.csv", row(7, "nan, 2")), ("line 7: 'nan' is no length; give a number",)),
+    Trial(
+        "infinity", ("a.csv", row(7, "1, 1e999")), ("line 7: '1e999' is no length; give a number",)
+    ),
+    Trial("three points", ("a.csv", rows(CIRCLE[::30])), ("has 3 points", "needs 4 or more")),
+    Trial("a header alone", ("a.csv", "x, y\n"), ("has 0 points",)),
+    Trial(
+        "a point twice",
+        ("a.csv", rows(np.insert(CIRCLE, 5, CIRCLE[5], axis=0))),
+        ("line 8: repeats the point of line 7",),
+    ),
+    Trial(
+        "half an outline",
+        ("a.csv", rows(CIRCLE[:46])),
+        ("is open: from line 47 back to line 2 it is 110.0 mm",),
+    ),
+    Trial(
+        "a figure of eight",
+        ("a.csv", rows(EIGHT)),
+        ("crosses or touches itself near (0.00, 0.00) mm", "in order"),
+    ),
+    Trial(
+        "points out of order",
+        ("a.csv", rows(CIRCLE[np.r_[0:20, 40:20:-1, 41:90]])),
+        ("crosses or touches itself",),
+    ),
+    Trial(
+        "twice round",
+        ("a.csv", rows(np.concatenate([CIRCLE, CIRCLE]))),
+        ("crosses or touches itself",),
+    ),
+    Trial(
+        "metres", ("a.csv", rows(CIRCLE / 1000)), ("0.11 x 0.11 mm (drawn in m?)", "30 to 500 mm")
+    ),
+    Trial("inches", ("a.csv", rows(CIRCLE / 25.4)), ("drawn in inch",)),
+    Trial("micrometres", ("a.csv", rows(CIRCLE * 1000)), ("drawn in micrometres?",)),
+    Trial(
+        "a square",
+        ("a.csv", rows(SQUARE)),
+        ("line 2: the outline turns by 90 degrees at (-50.00, -50.00) mm", "round the corner off"),
+    ),
+    Trial("a spike", ("a.csv", row(7, "80, 30")), ("the outline turns by", "up to 30")),
+    Trial(
+        "60 000 points",
+        ("a.csv", rows(np.tile(CIRCLE, (700, 1)))),
+        ("has 63000 points; at most 50000",),
+    ),
+    Trial("a rough outline", ("a.csv", rows(ROUGH)), ("so rough that", "smooth it")),
+    Trial("prose called DXF", ("a.dxf", "Dear socket,\nhello"), ("is no DXF drawing",)),
+    Trial("an empty DXF", ("a.dxf", b""), ("is no DXF drawing",)),
+    Trial("bytes called DXF", ("a.dxf", bytes(range(256))), ("is no DXF drawing",)),
+    Trial("a DXF cut short", ("a.dxf", cut_short), ("is no DXF drawing",)),
+    Trial(
+        "a DXF with nothing in it", ("a.dxf", drawing(lambda s: None)), ("the drawing is empty",)
+    ),
+    Trial(
+        "an open polyline",
+        ("a.dxf", drawing(lambda s: s.add_lwpolyline(CIRCLE[:46]))),
+        ("LWPOLYLINE", "is open at", "110 mm away"),
+    ),
+    Trial(
+        "lines that miss by 1 mm",
+        ("a.dxf", drawing(almost_closed)),
+        ("LINE", "is open at (56.00, 0.00) mm: the nearest end is 1 mm away"),
+    ),
+    Trial(
+        "two circles",
+        ("a.dxf", drawing(lambda s: (s.add_circle((0, 0), 50), s.add_circle((0, 0), 55)))),
+        ("holds 2 outlines, CIRCLE", "keep one"),
+    ),
+    Trial(
+        "a line too many",
+        ("a.dxf", drawing(lambda s: (lines(s, CIRCLE), s.add_line(CIRCLE[3], (90, 90))))),
+        ("without branches",),
+    ),
+    Trial(
+        "a text beside the outline",
+        ("a.dxf", drawing(lambda s: (s.add_circle((0, 0), 55), s.add_text("TSB")))),
+        ("TEXT", "is no part of an outline"),
+    ),
+    Trial("an outline in a block", ("a.dxf", drawing(block)), ("INSERT", "explode blocks")),
+    Trial(
+        "a DXF in metres",
+        ("a.dxf", drawing(lambda s: s.add_circle((0, 0), 55), unit=6)),
+        ("1.1e+05 x 1.1e+05 mm", "$INSUNITS says meters"),
+    ),
+    Trial(
+        "a polyline out of its plane",
+        ("a.dxf", drawing(lambda s: s.add_polyline3d([(x, y, x) for x, y in CIRCLE], close=True))),
+        ("rises by 110 mm out of its plane",),
+    ),
+    Trial(
+        "a square as lines",
+        ("a.dxf", drawing(lambda s: lines(s, SQUARE))),
+        ("turns by 90 degrees",),
+    ),
+    Trial(
+        "a circle without radius",
+        ("a.dxf", drawing(lambda s: s.add_circle((0, 0), 0))),
+        ("CIRCLE", "is no curve of finite size"),
+    ),
+    Trial(
+        "a circle of NaN",
+        ("a.dxf", drawing(lambda s: s.add_circle((0, 0), float("nan")))),
+        ("CIRCLE",),
+    ),
+    Trial("prose called SVG", ("a.svg", "Dear socket"), ("is no SVG drawing (syntax error",)),
+    Trial("an empty SVG file", ("a.svg", ""), ("is no SVG drawing (no element found",)),
+    Trial("a web page called SVG", ("a.svg", "<html></html>"), ("holds 'html'",)),
+    Trial("an SVG with nothing in it", ("a.svg", svg("<g/>")), ("the drawing is empty",)),
+    Trial("an SVG that a bomb is hidden in", ("a.svg", LAUGHS), ("is no SVG drawing",)),
+    Trial(
+        "an open path",
+        ("a.svg", svg(f'<path id="face" d="M {HALF}"/>')),
+        ("path face", "is open at", "110 mm away"),
+    ),
+    Trial(
+        "two shapes",
+        ("a.svg", svg(CIRCLE_SVG + '<circle r="50"/>')),
+        ("holds 2 outlines, circle face, circle number 2",),
+    ),
+    Trial(
+        "a path that breaks off",
+        ("a.svg", svg('<path d="M 0 0 L 10"/>')),
+        ("path number 1: cannot be read",),
+    ),
+    Trial(
+        "a path of words", ("a.svg", svg('<path d="round"/>')), ("path number 1: cannot be read",)
+    ),
+    Trial(
+        "a polygon with half a point",
+        ("a.svg", svg('<polygon points="0,0 1,1 2"/>')),
+        ("polygon number 1: cannot be read",),
+    ),
+    Trial(
+        "a radius in per cent",
+        ("a.svg", svg('<circle r="50%"/>')),
+        ("circle number 1: cannot be read",),
+    ),
+    Trial(
+        "a rectangle",
+        ("a.svg", svg('<rect width="100" height="80"/>')),
+        ("rect number 1: is no part of an outline",),
+    ),
+    Trial(
+        "a clone", ("a.svg", svg(f'{CIRCLE_SVG}<use href="#face"/>')), ("use number 2: is no part",)
+    ),
+    Trial(
+        "a transform of words",
+        ("a.svg", svg('<circle r="55" transform="turn it"/>')),
+        ("transform 'turn it' cannot be read",),
+    ),
+    Trial(
+        "a matrix of three",
+        ("a.svg", svg('<circle r="55" transform="matrix(1 2 3)"/>')),
+        ("transform 'matrix(1 2 3)' cannot",),
+    ),
+    Trial(
+        "a viewBox without a width",
+        ("a.svg", svg(CIRCLE_SVG, 'viewBox="-80 -80 160 160"')),
+        ("width is missing; beside a viewBox",),
+    ),
+    Trial(
+        "a width in per cent",
+        ("a.svg", svg(CIRCLE_SVG, 'width="100%" viewBox="-80 -80 160 160"')),
+        ("width is '100%'",),
+    ),
+    Trial(
+        "a viewBox without area",
+        ("a.svg", svg(CIRCLE_SVG, 'width="160mm" viewBox="0 0 0 0"')),
+        ("viewBox is '0 0 0 0'",),
+    ),
+    Trial(
+        "a page of another shape",
+        ("a.svg", svg(CIRCLE_SVG, 'width="160mm" height="100mm" viewBox="-80 -80 160 160"')),
+        ("1 mm wide and 0.625 mm high",),
+    ),
+    Trial(
+        "a page ten times too small",
+        ("a.svg", svg(CIRCLE_SVG, 'width="16mm" viewBox="-80 -80 160 160"')),
+        ("11 x 11 mm; allowed are 30 to 500 mm: its unit is 0.1 mm by width and viewBox, correct",),
+    ),
+)
+
+
+def said(trial: Trial, folder: Path) -> str:
+    """Give the outline to the reader; return what it answers."""
+    name, content = trial.given
+    path = folder / name
+    if callable(content):
+        content(path)
+    elif content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError) as caught:
+        read_outline(path)
+    return str(caught.value).replace(f"{folder}/", "")
+
+
+@pytest.mark.parametrize("trial", TRIALS, ids=str)
+def test_an_outline_that_cannot_be_used_is_refused_in_one_line(
+    trial: Trial, tmp_path: Path
+) -> None:
+    line = said(trial, tmp_path)
+    assert line.startswith(trial.given[0])
+    assert "\n" not in line
+    assert len(line) < 400
+    for part in trial.says:
+        assert part in line

@@ -1,0 +1,263 @@
+"""Outlines read from CSV, DXF and SVG: the same curve comes back, whatever it was drawn with."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from calfsocket.errors import InputError
+from calfsocket.meshes import curves, section
+from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.meshes.data import Outline, Socket, Sockets, load_limb, load_sockets
+from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.outline import MANY_POINTS, read_outline
+from calfsocket.meshes.placement import check_placement
+from calfsocket.meshes.quality import areas, jacobian_bounds
+from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.sockets import inner_face, socket_faces
+from calfsocket.meshes.tags import SOCKET_ID
+
+LIMB = load_limb()
+SKIN = limb_curves(LIMB)["skin_outline"]
+TSB = load_sockets().socket("TSB")
+FACE = inner_face(TSB.shape, SKIN)
+POINTS = FACE.evaluate(np.linspace(0, FACE.period, 180, endpoint=False))
+
+
+def own_socket(path: Path) -> Socket:
+    shape = Outline(title="", law="outline", points=read_outline(path))
+    return Socket(name="own", shape=shape, wall_thickness=TSB.wall_thickness)
+
+
+def deviation(one: ClosedCurve, other: ClosedCurve) -> float:
+    """Largest distance of a curve from another, whose points are 0.02 mm apart."""
+    tree = cKDTree(other.evaluate(other.sample(0.02)))
+    return tree.query(one.evaluate(one.sample(0.1)))[0].max()
+
+
+def csv(path: Path) -> None:
+    np.savetxt(path, POINTS, delimiter=",", fmt="%.4f", header="x, y", comments="")
+
+
+def dense_csv(path: Path) -> None:
+    points = FACE.evaluate(np.linspace(0, FACE.period, 5000, endpoint=False))
+    np.savetxt(path, points[::-1], delimiter=",", fmt="%.6f")
+
+
+def scanned_csv(path: Path) -> None:
+    """Every 0.1 mm, to 0.01 mm."""
+    points = FACE.evaluate(np.linspace(0, FACE.period, 3600, endpoint=False))
+    np.savetxt(path, points, delimiter=",", fmt="%.2f")
+
+
+def german_csv(path: Path) -> None:
+    """As a German spreadsheet writes it, closed by its first point."""
+    rows = [f"{x:.4f};{y:.4f}".replace(".", ",") for x, y in [*POINTS, POINTS[0]]]
+    path.write_text("\ufeff" + "\r\n".join(["X [mm];Y [mm]", *rows]) + "\r\n", encoding="utf-8")
+
+
+def dxf(draw: Callable[[Any], object], unit: int = 4) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        document = ezdxf.new()
+        document.units = unit
+        draw(document.modelspace())
+        document.saveas(path)
+
+    return write
+
+
+def spline(space: Any) -> None:
+    """The very B-spline of the face."""
+    degree, knots, _, control = FACE.b_spline()
+    entity = space.add_spline(degree=degree)
+    entity.control_points = np.column_stack([control, np.zeros(len(control))])
+    entity.knots = [*[knots[0]] * degree, *knots, *[knots[-1]] * degree]
+
+
+def loose_lines(space: Any) -> None:
+    """Lines in any order and direction."""
+    sides = list(zip(POINTS, np.roll(POINTS, -1, axis=0), strict=True))
+    for i in np.random.default_rng(0).permutation(len(sides)):
+        space.add_line(*sides[i][:: 1 if i % 3 else -1])
+
+
+def bare_dxf(path: Path) -> None:
+    """Entities without header and tables, as scanners' programs write them."""
+    lines = ["0", "SECTION", "2", "ENTITIES"]
+    for (x, y), (u, v) in zip(POINTS, np.roll(POINTS, -1, axis=0), strict=True):
+        lines += ["0", "LINE", "8", "0"]
+        for code, value in zip((10, 20, 11, 21), (x, y, u, v), strict=True):
+            lines += [str(code), f"{value:.5f}"]
+    path.write_text("\n".join([*lines, "0", "ENDSEC", "0", "EOF", ""]))
+
+
+def bezier(path: Path) -> None:
+    """The face's cubic pieces, on a page of 15 x 15 cm, in a group that is moved and moved back."""
+    t = FACE.knots
+    third = np.diff(t)[:, None] / 3
+    point, velocity = FACE.evaluate(t), FACE.evaluate(t, 1)
+    pieces = np.stack(
+        [point[:-1] + third * velocity[:-1], point[1:] - third * velocity[1:], point[1:]], axis=1
+    )
+    down = np.array([1.0, -1.0])
+    text = (
+        "M"
+        + " ".join(map(str, point[0] * down))
+        + "C"
+        + " ".join(map(str, (pieces * down).ravel()))
+    )
+    path.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="15cm" height="15cm"'
+        ' viewBox="-75 -75 150 150"><title>TSB</title><defs><circle r="3"/></defs>'
+        '<g transform="translate(30, 40)"><rect style="display:none" width="9"/>'
+        f'<path id="face" transform="translate(-30 -40)" d="{text}Z"/></g></svg>'
+    )
+
+
+def pixels(path: Path) -> None:
+    """Without a viewBox a unit is a pixel, of which an inch has 96."""
+    x, y = POINTS.T / 25.4 * 96
+    text = " ".join(f"{a:.6f},{-b:.6f}" for a, b in zip(x, y, strict=True))
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg"><polygon points="{text}"/></svg>')
+
+
+WAYS: dict[str, tuple[str, Callable[[Path], None]]] = {
+    "CSV": ("face.csv", csv),
+    "dense clockwise CSV": ("face.csv", dense_csv),
+    "scanned CSV": ("face.csv", scanned_csv),
+    "German CSV": ("face.csv", german_csv),
+    "DXF polyline": ("face.dxf", dxf(lambda s: s.add_lwpolyline(POINTS, close=True))),
+    "DXF polyline in cm": ("face.dxf", dxf(lambda s: s.add_lwpolyline(POINTS / 10, close=True), 5)),
+    "DXF polyline without unit": (
+        "FACE.DXF",
+        dxf(lambda s: s.add_polyline2d(POINTS, close=True), 0),
+    ),
+    "DXF spline": ("face.dxf", dxf(spline)),
+    "DXF lines": ("face.dxf", dxf(loose_lines)),
+    "DXF of lines alone": ("face.dxf", bare_dxf),
+    "SVG path": ("face.svg", bezier),
+    "SVG polygon in pixels": ("face.svg", pixels),
+}
+
+
+@pytest.mark.parametrize(("name", "write"), WAYS.values(), ids=WAYS)
+def test_the_reference_socket_comes_back_from_a_file(
+    name: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    write(tmp_path / name)
+    own = own_socket(tmp_path / name)
+    assert isinstance(own.shape, Outline)
+    assert len(own.shape.points) <= MANY_POINTS
+    for face, reference in zip(socket_faces(own, SKIN), socket_faces(TSB, SKIN), strict=True):
+        assert deviation(face, reference) < 0.02
+    found, wanted = check_placement(own, LIMB), check_placement(TSB, LIMB)
+    assert found.area_reduction == pytest.approx(wanted.area_reduction, abs=3e-5)
+    assert found.mean_overlap == pytest.approx(wanted.mean_overlap, abs=1e-3)
+
+
+def curve_centre(name: str) -> tuple[float, float]:
+    """Of the circle below, whose y axis points down in an SVG."""
+    return (3.0, 4.0) if name.endswith("dxf") else (3.0, -4.0)
+
+
+def test_shapes_of_known_area(tmp_path: Path) -> None:
+    """Circle, ellipse, and two lines with two arcs, as loose entities and as one polyline."""
+    stadium = [(-20, -40, 0), (20, -40, 1), (20, 40, 0), (-20, 40, 1)]
+
+    def loose_stadium(space: Any) -> None:
+        space.add_line((-20, -40), (20, -40))
+        space.add_arc((-20, 0), 40, 90, 270)
+        space.add_line((-20, 40), (20, 40))
+        space.add_arc((20, 0), 40, -90, 90)
+
+    half_circles = "M-20 40 L20 40 A40 40 0 0 0 20 -40 H-20 A40 40 0 0 0 -20 40"
+    drawings: dict[str, tuple[Any, float]] = {
+        "circle.dxf": (dxf(lambda s: s.add_circle((3, 4), 50)), np.pi * 50**2),
+        "ellipse.dxf": (dxf(lambda s: s.add_ellipse((3, 4), (30, 40), 0.8)), np.pi * 50 * 40),
+        "loose.dxf": (dxf(loose_stadium), np.pi * 40**2 + 80 * 40),
+        "bulges.dxf": (
+            dxf(lambda s: s.add_lwpolyline(stadium, format="xyb", close=True)),
+            np.pi * 40**2 + 80 * 40,
+        ),
+        "circle.svg": ('<circle cx="3" cy="4px" r="50"/>', np.pi * 50**2),
+        "ellipse.svg": ('<ellipse rx="50" ry="40" transform="rotate(30)"/>', np.pi * 50 * 40),
+        "stadium.svg": (f'<path d="{half_circles}"/>', np.pi * 40**2 + 80 * 40),
+    }
+    for name, (draw, area) in drawings.items():
+        if callable(draw):
+            draw(tmp_path / name)
+        else:
+            head = '<svg xmlns="http://www.w3.org/2000/svg" width="1in" viewBox="0 0 25.4 1">'
+            (tmp_path / name).write_text(f"{head}{draw}</svg>")
+        curve = curves.through(read_outline(tmp_path / name))
+        assert curve.area == pytest.approx(area, rel=1e-5), name
+        if name.startswith("circle"):
+            radius = np.linalg.norm(curve.evaluate(curve.sample(0.1)) - curve_centre(name), axis=1)
+            assert radius == pytest.approx(np.full(len(radius), 50.0), abs=2e-4)
+
+
+def test_down_in_a_drawing_is_the_back_of_the_limb(tmp_path: Path) -> None:
+    path = tmp_path / "a.svg"
+    path.write_text('<svg width="99mm" viewBox="0 0 99 99"><circle cx="50" cy="30" r="40"/></svg>')
+    assert np.mean(read_outline(path), axis=0) == pytest.approx([50, -30], abs=0.01)
+
+
+def test_slight_corners_of_a_drawing_are_rounded_off_within_0_02_mm(tmp_path: Path) -> None:
+    """A circle's arc with a polygon about it: corners of 28 degrees, and of 14 to the arc."""
+    radius, turn = 60.0, np.deg2rad(28.0)
+    angles = np.arange(5) * turn
+    corners = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    bulge = np.tan((2 * np.pi - angles[-1]) / 4)
+    vertices = [(x, y, 0.0) for x, y in corners[:-1]] + [(*corners[-1], bulge)]
+    dxf(lambda s: s.add_lwpolyline(vertices, format="xyb", close=True))(tmp_path / "a.dxf")
+    curve = curves.through(read_outline(tmp_path / "a.dxf"))
+    points = curve.evaluate(curve.sample(0.02))
+    angle = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
+    radii = np.linalg.norm(points, axis=1)
+    # On a chord the radius is that of its middle over the cosine of the angle from there.
+    off_middle = angle % turn - turn / 2
+    on_chord = radius * np.cos(turn / 2) / np.cos(off_middle)
+    error = np.abs(radii - np.where(angle < angles[-1], on_chord, radius))
+    assert 0.005 < error.max() < 0.02
+
+
+def test_the_points_of_a_polygon_are_kept_as_they_are(tmp_path: Path) -> None:
+    csv(tmp_path / "a.csv")
+    assert np.array(read_outline(tmp_path / "a.csv")) == pytest.approx(POINTS, abs=6e-5)
+
+
+def test_a_file_that_may_not_be_read_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not by taking the permission away, for tests may run as root."""
+    csv(tmp_path / "a.csv")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(InputError, match=r"a\.csv: cannot be read \(Permission denied\)"):
+        read_outline(tmp_path / "a.csv")
+
+
+def test_a_socket_in_a_file_may_be_an_outline_with_a_wall_of_its_own() -> None:
+    """It is meshed like the others; the wall of 3 mm has an area of 3 P + 9 pi."""
+    content = load_sockets().model_dump(mode="json")
+    content["sockets"]["own"] = {
+        "title": "an outline",
+        "law": "outline",
+        "points": POINTS[::3].tolist(),
+        "wall_thickness": 3.0,
+    }
+    sockets = Sockets.model_validate(content)
+    assert sockets.socket("TC").wall_thickness == 4.5
+    own = sockets.socket("own")
+    assert own.wall_thickness == 3.0
+    mesh = section.build(LIMB, own, mesh_size("coarse"))
+    assert jacobian_bounds(mesh.coordinates)[0].min() > 0
+    wall = areas(mesh.coordinates)[mesh.cell_tags == SOCKET_ID].sum()
+    assert wall == pytest.approx(3 * FACE.perimeter + 9 * np.pi, rel=1e-3)
