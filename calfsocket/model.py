@@ -13,6 +13,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from calfsocket.condensation import CondensedTangent
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import InputError
@@ -27,6 +28,11 @@ SocketSupport = Literal["floating", "outer-fixed"]
 
 SUPPORT_STIFFNESS = 1e-7
 """Bedding of a floating socket in N/mm^3, only where there is no friction to stop it turning."""
+
+LARGEST_BULK_RATIO = 1e3
+"""Ratio K/mu up to which a cell's constant pressure is eliminated from the linear system.
+
+It is exact at any ratio; the condensed matrix then has stiffnesses of this ratio side by side."""
 
 # Halves the time of a tangent; unlike -ffast-math it keeps NaN, which tells a step that overshot,
 # and unlike -march=native it gives code that runs on other machines too.
@@ -116,7 +122,6 @@ class Model:
             section.facet_tags,
             section.boundaries[tags.SKIN_SURFACE],
             section.boundaries[tags.SOCKET_INNER],
-            self._constrained,
             contact,
         )
 
@@ -152,22 +157,24 @@ class Model:
         return x
 
     def create_matrix(self) -> PETSc.Mat:
-        """Return a matrix with the pattern of tissues and contact (collective)."""
+        """Return the tangent as a matrix of PETSc's that also solves (collective).
+
+        Its Python context is the `CondensedTangent`; its values are those of the last `tangent`.
+        """
         index_map = self.V.dofmap.index_map
         size = (index_map.size_local, index_map.size_global)
-        A = PETSc.Mat().create(self.comm)
-        A.setSizes((size, size))
-        A.setType(PETSc.Mat.Type.AIJ)
-        ghosted = index_map.local_to_global(
-            np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        condensed = CondensedTangent(
+            self.V, self._tangent, self._constrained, self._keeps_constant(), self.contact
         )
-        local_to_global = PETSc.LGMap().create(ghosted.astype(PETSc.IntType), comm=self.comm)
-        A.setLGMap(local_to_global, local_to_global)
-        A.setUp()
-        # Contact may leave the pattern laid out for it when the limb slides far: allow it to.
-        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        self._assemble_tangent(A)
-        return A
+        return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
+
+    def _keeps_constant(self) -> NDArray[np.bool_]:
+        """Local cells too stiff in volume to take their constant pressure out of the system."""
+        inverse_bulk, mu = (
+            field.x.array for field in (self.fields.inverse_bulk, self.fields.pressure_scale)
+        )
+        stiff = inverse_bulk * mu < 1.0 / LARGEST_BULK_RATIO
+        return np.asarray(stiff)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Residual in N/mm; fixed unknowns have their own value instead (collective).
@@ -186,19 +193,16 @@ class Model:
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
         self.set_unknowns(x)
-        A.zeroEntries()
-        self._assemble_tangent(A)
+        A.getPythonContext().assemble(*self.contact.tangent())
+        A.assemble()
 
-    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Tangent of the tissues with contact as a constraint (collective)."""
+    def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
+        """Condensed tangent of the tissues with contact as a constraint (collective)."""
         self.set_unknowns(x)
-        A.zeroEntries()
-        self.contact.add_constraint_tangent(A)
-        self._add_tissues(A)
-
-    def pressure_unknowns(self) -> int:
-        """Return the number of pressure unknowns on all ranks."""
-        return 3 * self.section.mesh.topology.index_map(2).size_global
+        condensed = A.getPythonContext()
+        condensed.assemble(*self.contact.constraint_tangent())
+        pressures = 3 * self.section.mesh.topology.index_map(2).size_global
+        return condensed.matrix, pressures - condensed.negative_inside()
 
     def set_unknowns(self, x: PETSc.Vec) -> None:
         """Copy a vector into `w`, ghosts included (collective)."""
@@ -269,16 +273,6 @@ class Model:
         fem_petsc.assemble_vector(self._b, self._residual)
         self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
         return self.contact.add_residual(self._b)
-
-    def _assemble_tangent(self, A: PETSc.Mat) -> None:
-        if not A.assembled:
-            self.contact.add_pattern(A)
-        self.contact.add_tangent(A)
-        self._add_tissues(A)
-
-    def _add_tissues(self, A: PETSc.Mat) -> None:
-        fem_petsc.assemble_matrix_mat(A, self._tangent, self._bcs)
-        A.assemble()
 
     def _fix(self, boundaries: Mapping[str, tuple[int, ...]]) -> None:
         """Hold components of the displacement on boundaries at zero."""

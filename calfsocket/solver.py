@@ -7,22 +7,7 @@ from typing import Protocol
 
 from petsc4py import PETSc
 
-OPTIONS_PREFIX = "calfsocket_"
-
-DEFAULT_OPTIONS: dict[str, str | int | float] = {
-    "snes_type": "newtonls",
-    "snes_linesearch_type": "bt",
-    "snes_max_it": 20,
-    "snes_atol": 1e-9,
-    "snes_rtol": 0.0,
-    "snes_stol": 0.0,
-    "snes_divergence_tolerance": -1.0,
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 60,
-}
-"""The residual's tolerance is in N/mm; any of them can be set as -calfsocket_NAME VALUE."""
+from calfsocket.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
 
 
 class Problem(Protocol):
@@ -40,11 +25,16 @@ class Problem(Protocol):
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Compute the derivative A of the residual at x."""
 
-    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Matrix A whose symmetric part decides whether the equilibrium x is stable."""
+    def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
+        """Return what decides whether the equilibrium x is stable; A is overwritten.
 
-    def pressure_unknowns(self) -> int:
-        """Return the number of pressure unknowns, each of which owns a negative eigenvalue."""
+        Returns
+        -------
+        matrix : PETSc.Mat
+            Its symmetric part counts.
+        negative : int
+            Negative eigenvalues that it has at a stable equilibrium: of the pressures in it.
+        """
 
 
 @dataclass(frozen=True)
@@ -98,8 +88,14 @@ class Solver:
         self._snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
         self._snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self._A)
         self._snes.setMonitor(self._record)
-        with _defaults():
+        with defaults():
             self._snes.setFromOptions()
+        if self._A.getType() == PETSc.Mat.Type.PYTHON:
+            # A tangent that knows how to solve; PETSc's options are for its own solver then.
+            ksp = self._snes.getKSP()
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+            ksp.getPC().setPythonContext(self._A.getPythonContext())
 
     def solve(self) -> NewtonResult:
         """Solve from the present `x`, which holds the last iterate afterwards (collective)."""
@@ -134,9 +130,9 @@ class Solver:
         constraint, by Sylvester's law from MUMPS's LDL^T factorisation, minus one for each pressure
         unknown, which a saddle point owns anyway. Zero means a stable equilibrium.
         """
-        self._problem.stability_tangent(self.x, self._A)
-        symmetric = self._A.copy()
-        symmetric.axpy(1.0, self._A.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
+        matrix, expected = self._problem.stability(self.x, self._A)
+        symmetric = matrix.copy()
+        symmetric.axpy(1.0, matrix.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
         symmetric.scale(0.5)
         symmetric.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         pc = PETSc.PC().create(symmetric.getComm())
@@ -152,27 +148,12 @@ class Solver:
         negative = factor.getInertia()[0]
         pc.destroy()
         symmetric.destroy()
-        return int(negative) - self._problem.pressure_unknowns()
+        return int(negative) - expected
 
     def _record(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
         self._history.append(float(norm))
         if self._monitor is not None:
             self._monitor(iteration, float(norm))
-
-
-class _defaults:
-    """Put our defaults into PETSc's option database where the user has set nothing."""
-
-    def __enter__(self) -> None:
-        options = PETSc.Options(OPTIONS_PREFIX)
-        self._added = [name for name in DEFAULT_OPTIONS if not options.hasName(name)]
-        for name in self._added:
-            options[name] = DEFAULT_OPTIONS[name]
-
-    def __exit__(self, *_: object) -> None:
-        options = PETSc.Options(OPTIONS_PREFIX)
-        for name in self._added:
-            del options[name]
 
 
 def _reason_name(reason: int) -> str:

@@ -75,20 +75,33 @@ class Isochoric:
 
 
 def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
-    """Isochoric energy of a law per reference volume at F (2x2), with its derivatives."""
-    q = ufl.variable(stretch_difference_squared(F))
+    """Isochoric energy of a law per reference volume at F (2x2), with its derivatives.
+
+    The law is differentiated by x = q/(2J) and J, so that its series in x is followed once, and the
+    chain rule, dx/dq = 1/(2J) and dx/dJ = -x/J, does the rest: half of the compiled work.
+    """
     J = ufl.variable(ufl.det(F))
+    x = ufl.variable(stretch_difference_squared(F) / (2.0 * ufl.det(F)))
     match law:
         case "ogden":
-            psi = ogden.energy(q, J, fields.ogden_mu, fields.ogden_alpha)
+            psi = ogden.energy(x, J, fields.ogden_mu, fields.ogden_alpha)
         case "yeoh":
-            psi = yeoh.energy(q, J, fields.c10, fields.c20, fields.c30)
+            psi = yeoh.energy(x, J, fields.c10, fields.c20, fields.c30)
         case "hencky":
-            psi = hencky.energy(q, J, fields.hencky_mu)
+            psi = hencky.energy(x, J, fields.hencky_mu)
         case _:
             raise ValueError(f"law {law!r} is not one of {', '.join(LAW_IDS)}")
-    by_q, by_J = ufl.diff(psi, q), ufl.diff(psi, J)
-    return Isochoric(psi, by_q, by_J, ufl.diff(by_q, q), ufl.diff(by_q, J), ufl.diff(by_J, J))
+    by_x, by_J = ufl.diff(psi, x), ufl.diff(psi, J)
+    by_xx, by_xJ, by_JJ = ufl.diff(by_x, x), ufl.diff(by_x, J), ufl.diff(by_J, J)
+    x_q, x_J = 0.5 / J, -x / J
+    return Isochoric(
+        psi=psi,
+        q=by_x * x_q,
+        J=by_J + by_x * x_J,
+        qq=by_xx * x_q**2,
+        qJ=(by_xJ + by_xx * x_J - by_x / J) * x_q,
+        JJ=by_JJ + (2.0 * by_xJ + by_xx * x_J - 2.0 * by_x / J) * x_J,
+    )
 
 
 def pressure(p_dof: Expr, fields: LawFields) -> Expr:
