@@ -13,7 +13,9 @@
 #include <string.h>
 
 enum { ELEMENT = 17, DISPLACEMENTS = 12, BUBBLE = 12, PRESSURE = 14, CONSTANT = 4 };
-enum { INSIDE = 5, OUTSIDE = 13 };
+enum { INSIDE = 5, OUTSIDE = 13, MOST_NODES = 6 };
+/* Rows filled up with zeros to whole vectors: of 13, and of 13 and 5. */
+enum { PADDED = 16, COLUMNS = 24 };
 
 typedef void element_kernel(double *A, const double *w, const double *c, const double *coordinates,
                             const int *facet, const uint8_t *permutation);
@@ -34,61 +36,57 @@ static void sum_up(double *entry, int count, int step, int across)
     }
 }
 
-/* Solve B X = C in place by elimination with pivots: B (5 x 5), C (5 x n). */
-static inline void solve_inside(double B[INSIDE][INSIDE], double C[INSIDE][OUTSIDE + INSIDE])
+/* Solve B X = C in place by elimination with pivots. */
+static inline void solve_inside(double B[INSIDE][8], double C[INSIDE][COLUMNS])
 {
-    enum { N = OUTSIDE + INSIDE };
     for (int k = 0; k < INSIDE; ++k) {
         int pivot = k;
         for (int i = k + 1; i < INSIDE; ++i)
             if (fabs(B[i][k]) > fabs(B[pivot][k]))
                 pivot = i;
         if (pivot != k) {
-            double row[N];
-            memcpy(row, C[k], sizeof row);
-            memcpy(C[k], C[pivot], sizeof row);
-            memcpy(C[pivot], row, sizeof row);
+            double row[COLUMNS];
+            memcpy(row, C[k], sizeof C[k]);
+            memcpy(C[k], C[pivot], sizeof C[k]);
+            memcpy(C[pivot], row, sizeof C[k]);
             memcpy(row, B[k], sizeof B[k]);
             memcpy(B[k], B[pivot], sizeof B[k]);
             memcpy(B[pivot], row, sizeof B[k]);
         }
         double scale = 1.0 / B[k][k];
-        for (int j = k; j < INSIDE; ++j)
+        for (int j = 0; j < 8; ++j)
             B[k][j] *= scale;
-        for (int j = 0; j < N; ++j)
+        for (int j = 0; j < COLUMNS; ++j)
             C[k][j] *= scale;
         for (int i = 0; i < INSIDE; ++i) {
             if (i == k)
                 continue;
             double factor = B[i][k];
-            for (int j = k; j < INSIDE; ++j)
+            for (int j = 0; j < 8; ++j)
                 B[i][j] -= factor * B[k][j];
-            for (int j = 0; j < N; ++j)
+            for (int j = 0; j < COLUMNS; ++j)
                 C[i][j] -= factor * C[k][j];
         }
     }
 }
 
 VECTORISED static void eliminate(double A[ELEMENT][ELEMENT], int keeps_constant, double *inverse,
-                                 double *coupling, double S[OUTSIDE][OUTSIDE])
+                                 double *coupling, double S[OUTSIDE][PADDED])
 {
     static const int inside[INSIDE] = {BUBBLE, BUBBLE + 1, PRESSURE + 1, PRESSURE + 2, PRESSURE};
-    double B[INSIDE][INSIDE], C[INSIDE][OUTSIDE + INSIDE], K[INSIDE][OUTSIDE];
+    double B[INSIDE][8] = {{0.0}}, C[INSIDE][COLUMNS] = {{0.0}}, K[INSIDE][PADDED] = {{0.0}};
     for (int i = 0; i < INSIDE; ++i) {
-        for (int j = 0; j < DISPLACEMENTS; ++j)
-            K[i][j] = A[inside[i]][j];
+        memcpy(K[i], A[inside[i]], DISPLACEMENTS * sizeof(double));
         K[i][DISPLACEMENTS] = A[inside[i]][PRESSURE];
-        for (int j = 0; j < INSIDE; ++j) {
+        for (int j = 0; j < INSIDE; ++j)
             B[i][j] = A[inside[i]][inside[j]];
-            C[i][OUTSIDE + j] = i == j;
-        }
+        C[i][PADDED + i] = 1.0;
     }
     if (keeps_constant) { /* outside: nothing is left of it inside */
         for (int j = 0; j < INSIDE; ++j)
             B[CONSTANT][j] = B[j][CONSTANT] = j == CONSTANT;
-        for (int j = 0; j < OUTSIDE; ++j)
-            K[CONSTANT][j] = 0.0;
-        C[CONSTANT][OUTSIDE + CONSTANT] = 0.0;
+        memset(K[CONSTANT], 0, sizeof K[CONSTANT]);
+        C[CONSTANT][PADDED + CONSTANT] = 0.0;
     } else { /* inside: nothing is left of it outside */
         for (int i = 0; i < INSIDE; ++i)
             K[i][DISPLACEMENTS] = 0.0;
@@ -98,7 +96,7 @@ VECTORISED static void eliminate(double A[ELEMENT][ELEMENT], int keeps_constant,
     solve_inside(B, C);
     for (int i = 0; i < INSIDE; ++i) {
         memcpy(coupling + i * OUTSIDE, C[i], OUTSIDE * sizeof(double));
-        memcpy(inverse + i * INSIDE, C[i] + OUTSIDE, INSIDE * sizeof(double));
+        memcpy(inverse + i * INSIDE, C[i] + PADDED, INSIDE * sizeof(double));
     }
     for (int i = 0; i < OUTSIDE; ++i) {
         const double *row = A[i < DISPLACEMENTS ? i : PRESSURE];
@@ -106,7 +104,7 @@ VECTORISED static void eliminate(double A[ELEMENT][ELEMENT], int keeps_constant,
         S[i][DISPLACEMENTS] = row[PRESSURE];
         for (int k = 0; k < INSIDE; ++k) {
             double factor = K[k][i]; /* the tissues' tangent is symmetric */
-            for (int j = 0; j < OUTSIDE; ++j)
+            for (int j = 0; j < PADDED; ++j)
                 S[i][j] -= factor * C[k][j];
         }
     }
@@ -114,7 +112,7 @@ VECTORISED static void eliminate(double A[ELEMENT][ELEMENT], int keeps_constant,
 
 /* Tangents of n cells, by the compiled form of their law, added to the matrix's values. */
 void add_cells(intptr_t kernel, int n, const int32_t *cells, const double *coefficients,
-               int n_coefficients, const double *coordinates, int n_coordinates,
+               int n_coefficients, const double *x, const int32_t *nodes, int n_nodes,
                const uint8_t *keeps_constant, const int32_t *positions, double *inverse,
                double *coupling, double *values)
 {
@@ -122,9 +120,12 @@ void add_cells(intptr_t kernel, int n, const int32_t *cells, const double *coeff
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
-        double A[ELEMENT][ELEMENT] = {{0.0}}, S[OUTSIDE][OUTSIDE];
-        tabulate(&A[0][0], coefficients + (size_t)i * n_coefficients, 0,
-                 coordinates + (size_t)cell * n_coordinates, 0, 0);
+        double A[ELEMENT][ELEMENT] = {{0.0}}, S[OUTSIDE][PADDED] = {{0.0}};
+        double coordinates[MOST_NODES][3];
+        for (int j = 0; j < n_nodes; ++j)
+            memcpy(coordinates[j], x + 3 * (size_t)nodes[(size_t)cell * n_nodes + j],
+                   sizeof coordinates[j]);
+        tabulate(&A[0][0], coefficients + (size_t)i * n_coefficients, 0, &coordinates[0][0], 0, 0);
         sum_up(&A[0][PRESSURE], ELEMENT, 1, ELEMENT);
         sum_up(&A[PRESSURE][0], ELEMENT, ELEMENT, 1);
         for (int j = 0; j < DISPLACEMENTS; ++j)
@@ -133,8 +134,9 @@ void add_cells(intptr_t kernel, int n, const int32_t *cells, const double *coeff
                     A[j][k] = A[k][j] = 0.0;
         eliminate(A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
                   coupling + (size_t)cell * INSIDE * OUTSIDE, S);
-        for (int j = 0; j < OUTSIDE; ++j)
-            for (int k = 0; k < OUTSIDE; ++k)
+        int n_outside = keeps_constant[cell] ? OUTSIDE : DISPLACEMENTS;
+        for (int j = 0; j < n_outside; ++j)
+            for (int k = 0; k < n_outside; ++k)
                 if (position[j * OUTSIDE + k] >= 0)
                     values[position[j * OUTSIDE + k]] += S[j][k];
     }

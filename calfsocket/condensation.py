@@ -54,7 +54,7 @@ class CondensedTangent:
     V : fem.FunctionSpace
         Mixed space of `forms.element.section_element`.
     form : fem.Form
-        Tangent of the tissues.
+        Tangent of the tissues: one integral a cell.
     held : (n,) bool
         Markers of held local unknowns, ghosts included.
     keeps_constant : (m,) bool
@@ -95,10 +95,7 @@ class CondensedTangent:
             for i in range(ufcx.form_integral_offsets[0], ufcx.form_integral_offsets[1])
         }
         cells = V.mesh.topology.index_map(2)
-        geometry = V.mesh.geometry
-        self._coordinates = np.ascontiguousarray(
-            geometry.x[geometry.dofmap[: cells.size_local]].reshape(cells.size_local, -1)
-        )
+        self._geometry = V.mesh.geometry
         dofs = V.dofmap.list
         p0, *others = dofs[:, _PRESSURE].T
         self._inside = np.ascontiguousarray(
@@ -172,10 +169,12 @@ class CondensedTangent:
         for numbers in self._numbers:
             there = numbers[numbers >= 0]
             pattern.insert(there, there)
+        ahead = self._contact.edges_ahead()
+        for numbers in self._socket_numbers[np.unique(ahead)]:  # that another rank may own
+            there = numbers[numbers >= 0]
+            pattern.insert(there, there)
         n_points = self._contact.parameters.gauss_points
-        for cell, edges in zip(
-            self._skin_cells[::n_points], self._contact.edges_ahead(), strict=True
-        ):
+        for cell, edges in zip(self._skin_cells[::n_points], ahead, strict=True):
             skin = self._numbers[cell]
             socket = np.unique(self._socket_numbers[edges])
             skin, socket = skin[skin >= 0], socket[socket >= 0]
@@ -257,8 +256,9 @@ class CondensedTangent:
                 self._pointer(cells),
                 self._pointer(coefficients),
                 coefficients.shape[1],
-                self._pointer(self._coordinates),
-                self._coordinates.shape[1],
+                self._pointer(self._geometry.x),
+                self._pointer(self._geometry.dofmap),
+                self._geometry.dofmap.shape[1],
                 self._pointer(self._keeps_constant),
                 self._pointer(self._positions),
                 self._pointer(self.inverse),

@@ -72,6 +72,9 @@ class Model:
         The contact pair; its `load` is the load of the model.
     held : (n,) int
         Owned unknowns that are fixed at zero.
+    bedding, anchor : fem.Function
+        Where there is a bedding: its stiffness in each cell, N/mm^3, and the displacement at which
+        it is at rest.
     interface : type of ContactInterface
         How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
     """
@@ -98,14 +101,16 @@ class Model:
         dx = mixed.volume_measure(domain, self.law_tags)
         residual = mixed.residual(self.w, self.fields, dx)
         tangent = mixed.tangent(self.w, self.fields, dx)
-        if socket_support == "floating" and contact.fric_coeff == 0.0:
-            bedding = self._bedding()
-            residual += bedding * ufl.inner(ufl.split(self.w)[0], ufl.TestFunctions(self.V)[0]) * dx
-            tangent += (
-                bedding
-                * ufl.inner(ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0])
-                * dx
-            )
+        frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
+        stiffness = self.bedding_stiffness(frictionless)
+        if stiffness:
+            self.bedding = self._by_region(stiffness)
+            self.anchor = fem.Function(self.V)
+            u, anchor = ufl.split(self.w)[0], ufl.split(self.anchor)[0]
+            v, du = ufl.TestFunctions(self.V)[0], ufl.TrialFunctions(self.V)[0]
+            everywhere = dx(tuple(mixed.LAW_IDS.values()))  # one integral a cell, as its law has
+            residual += self.bedding * ufl.inner(u - anchor, v) * everywhere
+            tangent += self.bedding * ufl.inner(du, v) * everywhere
         self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
         self._tangent = fem.form(tangent, jit_options=COMPILER_OPTIONS)
         self._b = fem_petsc.create_vector(self._residual)
@@ -278,7 +283,6 @@ class Model:
         """Hold components of the displacement on boundaries at zero."""
         section = self.section
         owned = self.V.dofmap.index_map.size_local
-        self._bcs = []
         self._constrained = np.zeros_like(self.w.x.array, dtype=bool)
         self._tibia_owned = []
         for name, components in boundaries.items():
@@ -286,17 +290,26 @@ class Model:
             for component in components:
                 space = self.V.sub(0).sub(component)
                 dofs = fem.locate_dofs_topological(space, 1, facets)
-                self._bcs.append(fem.dirichletbc(PETSc.ScalarType(0.0), dofs, space))
                 self._constrained[dofs] = True
                 if name == tags.TIBIA_MEDULLARY:
                     self._tibia_owned.append(dofs[dofs < owned])
         self.held = np.flatnonzero(self._constrained[:owned])
 
-    def _bedding(self) -> fem.Function:
-        bedding = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))
-        socket = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
-        bedding.x.array[socket] = SUPPORT_STIFFNESS
-        return bedding
+    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
+        """Stiffness in N/mm^3 of a bedding by region; none where a region is not named.
+
+        Parameters
+        ----------
+        frictionless : bool
+            Whether nothing else stops a floating socket from turning.
+        """
+        return {tags.SOCKET: SUPPORT_STIFFNESS} if frictionless else {}
+
+    def _by_region(self, values: Mapping[str, float]) -> fem.Function:
+        function = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))
+        for name, value in values.items():
+            function.x.array[self.section.cell_tags.find(self.section.regions[name])] = value
+        return function
 
     def region_ids(self) -> NDArray[np.int32]:
         """Region tag of each local cell, ghosts included."""

@@ -50,6 +50,6 @@ def _compile(name: str, source: str, target: Path) -> None:
 
 
 def _prototypes(source: str) -> list[str]:
-    """Declarations of the functions that are not static."""
+    """Declare the functions that are not static."""
     found = re.findall(r"^((?:void|int) \w+\([^)]*\))\n\{", source, flags=re.MULTILINE)
     return [prototype + ";" for prototype in found]

@@ -319,7 +319,7 @@ class ContactInterface:
         return blocks, state.projection.edge
 
     def constraint_tangent(self) -> tuple[FloatArray, IntArray]:
-        """Return contact as a constraint, for counting negative modes, as `tangent` (collective)."""
+        """Return contact as a constraint, as `tangent`, to count negative modes (collective)."""
         state = self.state()
         blocks = nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS)
         return blocks, state.projection.edge

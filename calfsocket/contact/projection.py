@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# An edge of a C2 curve is nearly straight, so Newton on its parameter needs a handful of steps; what
-# a step of this size leaves is its square.
+# An edge of a C2 curve is nearly straight, so Newton on its parameter needs a handful of steps.
+# What a step of this tolerance leaves is its square.
 _NEWTON_STEPS = 25
 _NEWTON_TOLERANCE = 1e-9
 # Vertices closer than this share of the chain's size are one.
