@@ -9,7 +9,8 @@ OPTIONS_PREFIX = "calfsocket_"
 
 DEFAULT_OPTIONS: dict[str, str | int | float] = {
     "snes_type": "newtonls",
-    "snes_linesearch_type": "bt",
+    # Full steps: where a search would cut them, it is for rows of stiff tissues, to no avail.
+    "snes_linesearch_type": "basic",
     "snes_max_it": 20,
     "snes_atol": 1e-9,
     "snes_rtol": 0.0,

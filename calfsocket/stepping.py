@@ -157,5 +157,5 @@ def _failure(load: float, target: float, result: NewtonResult, region: str) -> s
     return (
         f"no equilibrium between load {load:.4f} and {target:.4f}: {result.reason} with residual "
         f"{result.residual:.2g} N/mm, most of it in {region}; try another mesh size, a socket "
-        "that presses less there, or -calfsocket_snes_linesearch_type l2"
+        "that presses less there, or -calfsocket_snes_linesearch_type bt"
     )
