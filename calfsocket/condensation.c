@@ -6,6 +6,10 @@
  * differences p1 - p0 and p2 - p0. Inside the cell are, in this order, the bubble, the two
  * differences and the constant. Outside are the displacements and, in a cell that keeps it, the
  * constant: a pressure that no bubble and no compressibility determines.
+ *
+ * The moduli at the quadrature points come from the laws, in UFL (forms/mixed.py): the upper
+ * triangle of the derivative of (P11, P12, P21, P22, volumetric residual) by (F11, F12, F21, F22,
+ * pressure unknown), and the bedding's stiffness.
  */
 
 #include <math.h>
@@ -13,12 +17,23 @@
 #include <string.h>
 
 enum { ELEMENT = 17, DISPLACEMENTS = 12, BUBBLE = 12, PRESSURE = 14, CONSTANT = 4 };
-enum { INSIDE = 5, OUTSIDE = 13, MOST_NODES = 6 };
+enum { INSIDE = 5, OUTSIDE = 13 };
 /* Rows filled up with zeros to whole vectors: of 13, and of 13 and 5. */
 enum { PADDED = 16, COLUMNS = 24 };
 
-typedef void element_kernel(double *A, const double *w, const double *c, const double *coordinates,
-                            const int *facet, const uint8_t *permutation);
+enum { NODES = 6, POINTS = 6, MODULI = 16, BEDDING = 15, SHAPES = 7, LANES = 8 };
+
+typedef void moduli_kernel(double *D, const double *w, const double *c, const double *coordinates,
+                           const int *facet, const uint8_t *permutation);
+
+/* Reference element at the quadrature points. */
+typedef struct {
+    double weight[POINTS];
+    double node[POINTS][NODES][2];       /* derivatives of the geometry's shape functions */
+    double shape[POINTS][LANES];         /* those of a displacement component, the bubble last */
+    double gradient[POINTS][2][LANES];   /* and their derivatives */
+    double pressure[POINTS][3];          /* 1, and the shape functions of vertices 1 and 2 */
+} reference_element;
 
 /* Every x86-64 runs the plain copy; those that have AVX2 run the other one. */
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
@@ -27,12 +42,89 @@ typedef void element_kernel(double *A, const double *w, const double *c, const d
 #define VECTORISED
 #endif
 
-/* Pressures at the vertices, in rows or columns `step` apart, to constant and differences. */
-static void sum_up(double *entry, int count, int step, int across)
+/* Derivatives of the shape functions by x and y at a point; returns det(dx/dX). */
+static inline double gradients(const reference_element *at, int q, double x[NODES][3],
+                               double gx[LANES], double gy[LANES])
 {
-    for (int i = 0; i < count; ++i) {
-        double *p = entry + i * across;
-        p[0] += p[step] + p[2 * step];
+    double J[2][2] = {{0.0}};
+    for (int n = 0; n < NODES; ++n)
+        for (int i = 0; i < 2; ++i)
+            for (int j = 0; j < 2; ++j)
+                J[i][j] += x[n][i] * at->node[q][n][j];
+    double det = J[0][0] * J[1][1] - J[0][1] * J[1][0], inverse = 1.0 / det;
+    for (int i = 0; i < 2; ++i)
+        for (int j = 0; j < 2; ++j)
+            J[i][j] *= inverse;
+    for (int b = 0; b < LANES; ++b) {
+        gx[b] = J[1][1] * at->gradient[q][0][b] - J[1][0] * at->gradient[q][1][b];
+        gy[b] = J[0][0] * at->gradient[q][1][b] - J[0][1] * at->gradient[q][0][b];
+    }
+    return det;
+}
+
+/* Tangent of one element: the moduli between the gradients of its shape functions. */
+VECTORISED static void element_tangent(const reference_element *at, double x[NODES][3],
+                                       double moduli[POINTS][MODULI], double A[ELEMENT][ELEMENT])
+{
+    double gx[POINTS][LANES], gy[POINTS][LANES], left[POINTS][6][LANES];
+    double xx[SHAPES][LANES], xy[SHAPES][LANES], yy[SHAPES][LANES];
+    double xp[3][LANES] = {{0.0}}, yp[3][LANES] = {{0.0}}, pp[3][3] = {{0.0}};
+    for (int q = 0; q < POINTS; ++q) {
+        double weight = at->weight[q] * fabs(gradients(at, q, x, gx[q], gy[q]));
+        double *D = moduli[q];
+        for (int k = 0; k < MODULI; ++k)
+            D[k] *= weight;
+        for (int a = 0; a < LANES; ++a) {
+            left[q][0][a] = gx[q][a] * D[0] + gy[q][a] * D[1];
+            left[q][1][a] = gx[q][a] * D[1] + gy[q][a] * D[5];
+            left[q][2][a] = gx[q][a] * D[2] + gy[q][a] * D[6];
+            left[q][3][a] = gx[q][a] * D[3] + gy[q][a] * D[7];
+            left[q][4][a] = gx[q][a] * D[9] + gy[q][a] * D[10];
+            left[q][5][a] = gx[q][a] * D[10] + gy[q][a] * D[12];
+        }
+        for (int m = 0; m < 3; ++m) {
+            double phi = at->pressure[q][m];
+            for (int b = 0; b < LANES; ++b) {
+                xp[m][b] += phi * (gx[q][b] * D[4] + gy[q][b] * D[8]);
+                yp[m][b] += phi * (gx[q][b] * D[11] + gy[q][b] * D[13]);
+            }
+            for (int n = 0; n < 3; ++n)
+                pp[m][n] += phi * at->pressure[q][n] * D[14];
+        }
+    }
+    for (int a = 0; a < SHAPES; ++a) {
+        double row_xx[LANES] = {0.0}, row_xy[LANES] = {0.0}, row_yy[LANES] = {0.0};
+        for (int q = 0; q < POINTS; ++q)
+            for (int b = 0; b < LANES; ++b) {
+                row_xx[b] += left[q][0][a] * gx[q][b] + left[q][1][a] * gy[q][b];
+                row_xy[b] += left[q][2][a] * gx[q][b] + left[q][3][a] * gy[q][b];
+                row_yy[b] += left[q][4][a] * gx[q][b] + left[q][5][a] * gy[q][b];
+            }
+        for (int q = 0; q < POINTS; ++q)
+            if (moduli[q][BEDDING] != 0.0)
+                for (int b = 0; b < LANES; ++b) {
+                    double mass = moduli[q][BEDDING] * at->shape[q][a] * at->shape[q][b];
+                    row_xx[b] += mass;
+                    row_yy[b] += mass;
+                }
+        memcpy(xx[a], row_xx, sizeof row_xx);
+        memcpy(xy[a], row_xy, sizeof row_xy);
+        memcpy(yy[a], row_yy, sizeof row_yy);
+    }
+    for (int a = 0; a < SHAPES; ++a)
+        for (int b = 0; b < SHAPES; ++b) {
+            A[2 * a][2 * b] = xx[a][b];
+            A[2 * a][2 * b + 1] = xy[a][b];
+            A[2 * b + 1][2 * a] = xy[a][b];
+            A[2 * a + 1][2 * b + 1] = yy[a][b];
+        }
+    for (int m = 0; m < 3; ++m) {
+        for (int b = 0; b < SHAPES; ++b) {
+            A[PRESSURE + m][2 * b] = A[2 * b][PRESSURE + m] = xp[m][b];
+            A[PRESSURE + m][2 * b + 1] = A[2 * b + 1][PRESSURE + m] = yp[m][b];
+        }
+        for (int n = 0; n < 3; ++n)
+            A[PRESSURE + m][PRESSURE + n] = pp[m][n];
     }
 }
 
@@ -99,35 +191,35 @@ VECTORISED static void eliminate(double A[ELEMENT][ELEMENT], int keeps_constant,
         memcpy(inverse + i * INSIDE, C[i] + PADDED, INSIDE * sizeof(double));
     }
     for (int i = 0; i < OUTSIDE; ++i) {
-        const double *row = A[i < DISPLACEMENTS ? i : PRESSURE];
-        memcpy(S[i], row, DISPLACEMENTS * sizeof(double));
-        S[i][DISPLACEMENTS] = row[PRESSURE];
-        for (int k = 0; k < INSIDE; ++k) {
-            double factor = K[k][i]; /* the tissues' tangent is symmetric */
+        double row[PADDED] = {0.0};
+        memcpy(row, A[i < DISPLACEMENTS ? i : PRESSURE], DISPLACEMENTS * sizeof(double));
+        row[DISPLACEMENTS] = A[i < DISPLACEMENTS ? i : PRESSURE][PRESSURE];
+        for (int k = 0; k < INSIDE; ++k) /* the tissues' tangent is symmetric */
             for (int j = 0; j < PADDED; ++j)
-                S[i][j] -= factor * C[k][j];
-        }
+                row[j] -= K[k][i] * C[k][j];
+        memcpy(S[i], row, sizeof row);
     }
 }
 
-/* Tangents of n cells, by the compiled form of their law, added to the matrix's values. */
-void add_cells(intptr_t kernel, int n, const int32_t *cells, const double *coefficients,
-               int n_coefficients, const double *x, const int32_t *nodes, int n_nodes,
-               const uint8_t *keeps_constant, const int32_t *positions, double *inverse,
-               double *coupling, double *values)
+/* Tangents of n cells, with the moduli of their law, added to the matrix's values. */
+void add_cells(intptr_t law, const double *element, int n, const int32_t *cells,
+               const double *coefficients, int n_coefficients, const double *x,
+               const int32_t *nodes, const uint8_t *keeps_constant, const int32_t *positions,
+               double *inverse, double *coupling, double *values)
 {
-    element_kernel *tabulate = (element_kernel *)kernel;
+    moduli_kernel *tabulate = (moduli_kernel *)law;
+    const reference_element *at = (const reference_element *)element;
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
-        double A[ELEMENT][ELEMENT] = {{0.0}}, S[OUTSIDE][PADDED] = {{0.0}};
-        double coordinates[MOST_NODES][3];
-        for (int j = 0; j < n_nodes; ++j)
-            memcpy(coordinates[j], x + 3 * (size_t)nodes[(size_t)cell * n_nodes + j],
+        double coordinates[NODES][3], moduli[POINTS][MODULI] = {{0.0}};
+        double A[ELEMENT][ELEMENT], S[OUTSIDE][PADDED];
+        for (int j = 0; j < NODES; ++j)
+            memcpy(coordinates[j], x + 3 * (size_t)nodes[(size_t)cell * NODES + j],
                    sizeof coordinates[j]);
-        tabulate(&A[0][0], coefficients + (size_t)i * n_coefficients, 0, &coordinates[0][0], 0, 0);
-        sum_up(&A[0][PRESSURE], ELEMENT, 1, ELEMENT);
-        sum_up(&A[PRESSURE][0], ELEMENT, ELEMENT, 1);
+        tabulate(&moduli[0][0], coefficients + (size_t)i * n_coefficients, 0, &coordinates[0][0],
+                 0, 0);
+        element_tangent(at, coordinates, moduli, A);
         for (int j = 0; j < DISPLACEMENTS; ++j)
             if (position[j * OUTSIDE + j] < 0) /* held */
                 for (int k = 0; k < ELEMENT; ++k)

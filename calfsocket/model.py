@@ -13,7 +13,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from calfsocket.condensation import CondensedTangent
+from calfsocket.condensation import CondensedTangent, quadrature
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import InputError
@@ -96,23 +96,19 @@ class Model:
         self.V = fem.functionspace(domain, section_element())
         self.w = fem.Function(self.V, name="displacement_and_pressure")
         laws = {section.regions[name]: law for name, law in region_laws.items()}
+        self.bedding: fem.Function | None = None
         self.fields = law_fields(domain, section.cell_tags, laws)
         self.law_tags = law_tags(domain, section.cell_tags, laws)
         dx = mixed.volume_measure(domain, self.law_tags)
         residual = mixed.residual(self.w, self.fields, dx)
-        tangent = mixed.tangent(self.w, self.fields, dx)
         frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
         stiffness = self.bedding_stiffness(frictionless)
         if stiffness:
             self.bedding = self._by_region(stiffness)
             self.anchor = fem.Function(self.V)
             u, anchor = ufl.split(self.w)[0], ufl.split(self.anchor)[0]
-            v, du = ufl.TestFunctions(self.V)[0], ufl.TrialFunctions(self.V)[0]
-            everywhere = dx(tuple(mixed.LAW_IDS.values()))  # one integral a cell, as its law has
-            residual += self.bedding * ufl.inner(u - anchor, v) * everywhere
-            tangent += self.bedding * ufl.inner(du, v) * everywhere
+            residual += self.bedding * ufl.inner(u - anchor, ufl.TestFunctions(self.V)[0]) * dx
         self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
-        self._tangent = fem.form(tangent, jit_options=COMPILER_OPTIONS)
         self._b = fem_petsc.create_vector(self._residual)
         held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
@@ -169,9 +165,26 @@ class Model:
         index_map = self.V.dofmap.index_map
         size = (index_map.size_local, index_map.size_global)
         condensed = CondensedTangent(
-            self.V, self._tangent, self._constrained, self._keeps_constant(), self.contact
+            self.V, self._moduli(), self._constrained, self._keeps_constant(), self.contact
         )
         return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
+
+    def _moduli(self) -> list[tuple[fem.Expression, NDArray[np.int32]]]:
+        """Tangent moduli of each law, and its owned cells."""
+        u, p_dof = ufl.split(self.w)
+        F, p = deformation_gradient(u), mixed.pressure(p_dof, self.fields)
+        owned = self.section.mesh.topology.index_map(2).size_local
+        found = []
+        for law, tag in mixed.LAW_IDS.items():
+            expression = fem.Expression(
+                mixed.moduli(law, F, p, self.fields, 0.0 if self.bedding is None else self.bedding),
+                quadrature()[0],
+                comm=self.comm,
+                jit_options=COMPILER_OPTIONS,
+            )
+            cells = self.law_tags.find(tag)
+            found.append((expression, cells[cells < owned]))
+        return found
 
     def _keeps_constant(self) -> NDArray[np.bool_]:
         """Local cells too stiff in volume to take their constant pressure out of the system."""

@@ -19,6 +19,7 @@ residual and one compiled tangent serve all regions, tissues and material sets.
 
 from dataclasses import dataclass
 
+import numpy as np
 import ufl
 from ufl.core.expr import Expr
 
@@ -135,7 +136,10 @@ def first_piola_increment(
     The same as `ufl.derivative` gives, but compiled in half the time: the law is differentiated by
     its two invariants only, and D and cof are linear.
     """
-    by = isochoric(law, F, fields)
+    return _increment(isochoric(law, F, fields), F, p, dF, dp)
+
+
+def _increment(by: Isochoric, F: Expr, p: Expr, dF: Expr, dp: Expr) -> Expr:
     D, C = distortion(F), cofactor(F)
     dq = 2.0 * ufl.inner(D, dF)
     dJ = ufl.inner(C, dF)
@@ -145,6 +149,27 @@ def first_piola_increment(
         + 2.0 * (by.qq * dq + by.qJ * dJ) * D
         + (by.qJ * dq + by.JJ * dJ + dp) * C
     )
+
+
+def moduli(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | float = 0.0) -> Expr:
+    """Tangent moduli at a point, for element tangents that are put together without UFL.
+
+    Returns
+    -------
+    Expr
+        (16,): the upper triangle, row by row, of the symmetric derivative of (P11, P12, P21, P22,
+        pressure_scale (J - 1 - p/K)) by (F11, F12, F21, F22, p_dof), MPa; and the bedding, N/mm^3.
+    """
+    by = isochoric(law, F, fields)
+    unit = [ufl.as_matrix(((a, b), (c, d))) for a, b, c, d in np.eye(4)]
+    zero = ufl.as_ufl(0.0)
+    columns = [_increment(by, F, p, dF, zero) for dF in unit]
+    C, scale = cofactor(F), fields.pressure_scale
+    entries: list[Expr] = []
+    for i in range(4):
+        entries += [columns[j][i // 2, i % 2] for j in range(i, 4)]
+        entries.append(scale * C[i // 2, i % 2])
+    return ufl.as_vector([*entries, -(scale**2) * fields.inverse_bulk, ufl.as_ufl(bedding)])
 
 
 def volume_measure(domain: ufl.Mesh, law_tags: object) -> ufl.Measure:
