@@ -19,6 +19,8 @@ GRID_STEP = 0.25
 FEWEST_TRIANGLES, MOST_TRIANGLES = 7000, 1_000_000
 #: Side lengths of the first trial mesh, in those of "paper".
 TRIAL_FACTOR = 2.0
+#: How close to the number of triangles trial meshes come, and how many there are after the first.
+COUNT_TOLERANCE, TRIALS = 0.03, 4
 
 
 @dataclass(frozen=True)
@@ -59,19 +61,22 @@ class MeshSize:
         """Return the final size; `count` tells how many triangles a mesh of a size has.
 
         A field that is scaled by a factor f has about 1/f^2 as many triangles, fewer where the
-        outlines ask for small ones anyway. A coarse trial mesh gives the factor of a second one, no
-        finer than "paper"; the final factor is on the power law through both, or f^-2 beyond.
+        outlines ask for small ones anyway. Trial meshes, the first one coarse, end within
+        `COUNT_TOLERANCE`, or after `TRIALS`.
         """
         if self.triangles is None:
             return self
-        coarse = TRIAL_FACTOR
-        many = count(self.scaled(coarse))
-        fine = max(coarse * (many / self.triangles) ** 0.5, 1.0)
-        more = count(self.scaled(fine))
-        power = 2.0
-        if fine > 1.0 and more > many:
-            power = np.log(more / many) / np.log(coarse / fine)
-        return self.scaled(fine * float((more / self.triangles) ** (1 / power)))
+        factor, power = TRIAL_FACTOR, 2.0
+        found = count(self.scaled(factor))
+        for _ in range(TRIALS):
+            excess = found / self.triangles
+            if abs(excess - 1.0) < COUNT_TOLERANCE:
+                break
+            before, had = factor, found
+            factor *= excess ** (1.0 / power)
+            found = count(self.scaled(factor))
+            power = float(np.clip(np.log(had / found) / np.log(factor / before), 1.0, 4.0))
+        return self.scaled(factor)
 
 
 SIZES = {
