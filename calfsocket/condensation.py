@@ -52,6 +52,9 @@ _C_TYPES = {
 }
 
 
+TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
+
+
 def quadrature() -> tuple[FloatArray, FloatArray]:
     """Points (n, 2) and weights (n,) of the element's quadrature on the reference triangle."""
     points, weights = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
@@ -291,23 +294,27 @@ class CondensedTangent:
         self._assembled = True
 
     def _add_tissues(self) -> None:
-        for law in self._laws:
-            coefficients = law.coefficients()
-            self._c.add_cells(
-                law.kernel,
-                self._pointer(self._element),
-                len(law.cells),
-                self._pointer(law.cells),
-                self._pointer(coefficients),
-                coefficients.shape[1],
-                self._pointer(self._geometry.x),
-                self._pointer(self._geometry.dofmap),
-                self._pointer(self._keeps_constant),
-                self._pointer(self._positions),
-                self._pointer(self.inverse),
-                self._pointer(self.coupling),
-                self._pointer(self._csr.data),
-            )
+        with TISSUE_TANGENT:
+            for law in self._laws:
+                self._add_law(law)
+
+    def _add_law(self, law: _Law) -> None:
+        coefficients = law.coefficients()
+        self._c.add_cells(
+            law.kernel,
+            self._pointer(self._element),
+            len(law.cells),
+            self._pointer(law.cells),
+            self._pointer(coefficients),
+            coefficients.shape[1],
+            self._pointer(self._geometry.x),
+            self._pointer(self._geometry.dofmap),
+            self._pointer(self._keeps_constant),
+            self._pointer(self._positions),
+            self._pointer(self.inverse),
+            self._pointer(self.coupling),
+            self._pointer(self._csr.data),
+        )
 
     def _add_contact(self, numbers: IntArray, outside: FloatArray) -> int:
         """Add contact to the matrix; return how many entries its pattern lacks."""

@@ -29,6 +29,8 @@ SocketSupport = Literal["floating", "outer-fixed"]
 SUPPORT_STIFFNESS = 1e-7
 """Bedding of a floating socket in N/mm^3, only where there is no friction to stop it turning."""
 
+TISSUE_RESIDUAL = PETSc.Log.Event("TissueResidual")
+
 LARGEST_BULK_RATIO = 1e3
 """Ratio K/mu up to which a cell's constant pressure is eliminated from the linear system.
 
@@ -286,10 +288,11 @@ class Model:
 
     def _assemble_residual(self, x: PETSc.Vec) -> Any:
         self.set_unknowns(x)
-        with self._b.localForm() as local:
-            local.set(0.0)
-        fem_petsc.assemble_vector(self._b, self._residual)
-        self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        with TISSUE_RESIDUAL:
+            with self._b.localForm() as local:
+                local.set(0.0)
+            fem_petsc.assemble_vector(self._b, self._residual)
+            self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
         return self.contact.add_residual(self._b)
 
     def _fix(self, boundaries: Mapping[str, tuple[int, ...]]) -> None:

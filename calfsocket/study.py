@@ -23,6 +23,7 @@ from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.laws import ogden_terms
 from calfsocket.meshes.data import Limb, Sockets
+from calfsocket.profile import PROFILE_FILE, Profile
 from calfsocket.progress import Event, Reporter
 from calfsocket.section_fields import SectionFields
 from calfsocket.stepping import LoadStep
@@ -31,7 +32,7 @@ from calfsocket.versions import versions
 
 KEY = ("socket", "material_set")
 RUN_FILE = "run.json"
-TABLES = ("summary.csv", "contact.csv", "steps.csv")
+TABLES = ("summary.csv", "contact.csv", "steps.csv", PROFILE_FILE)
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +53,8 @@ class Study:
         Folder of the results.
     pictures : bool
         Whether to draw each case.
+    profile : bool
+        Whether to write where the time goes (profile.csv).
     """
 
     cases: tuple[Case, ...]
@@ -60,6 +63,7 @@ class Study:
     sockets: Sockets
     out: Path
     pictures: bool = True
+    profile: bool = False
 
     def inputs(self) -> dict[str, Any]:
         """Everything that the results depend on, apart from the choice of cases."""
@@ -197,6 +201,7 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
     """Solve a case on this group of ranks and write its files; return its entry of run.json."""
     root = farm.group.rank == 0
     rows: list[dict[str, Any]] = []
+    profile = Profile() if study.profile else None
 
     def tell(text: str, load: float, milestone: bool = False) -> None:
         farm.report(Event(case.name, text, load, milestone))
@@ -219,7 +224,11 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
         on_iteration=lambda load, k, norm: tell(f"iteration {k}, residual {norm:.1e} N/mm", load),
         on_step=on_step,
     )
+    if profile:
+        profile.start()
     run.solve()
+    if profile:
+        profile.stop()
     checks = run.checks()
     with run.phase("outcomes"):
         fields = section_fields(run.model, region_tissues(study.limb))
@@ -233,6 +242,11 @@ def _run_case(farm: Farm, study: Study, case: Case) -> dict[str, Any]:
         if study.pictures:
             with run.phase("picture"), attempt(f"no picture of {case.name}"):
                 picture.draw(study.out / case.name)
+    if profile and root:
+        times = profile.rows(run.seconds)
+        times.insert(0, "socket", case.socket)
+        times.insert(1, "material_set", case.material_set)
+        _merge(study, PROFILE_FILE, times)
     load = float(run.model.contact.load)
     warnings = run.warnings(checks)
     text = run.failure or "; ".join(["solved", *warnings])

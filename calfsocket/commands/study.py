@@ -92,6 +92,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="ranks that solve one case together (default: cases side by side)",
     )
+    how.add_argument(
+        "--profile", action="store_true", help="say where the time goes, and write profile.csv"
+    )
     how.add_argument("--no-pictures", action="store_true", help="do not draw the cases")
     how.add_argument("--no-report", action="store_true", help="do not write the report at the end")
 
@@ -100,7 +103,7 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Solve the study, and its variants where they are wanted; write the report."""
     from rich.console import Console
 
-    from calfsocket import variants
+    from calfsocket import profile, variants
     from calfsocket.report.writing import write_report
     from calfsocket.study import attempt, check_folder, run_study
 
@@ -115,6 +118,9 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     for each in studies:
         log.info("results go to %s", each.out)
         solved.append(run_study(comm, each, arguments.ranks_per_case, console))
+        if comm.rank == 0 and arguments.profile:
+            with attempt(f"no profile of {each.out}"):
+                console.print(profile.table(each.out))
     if comm.rank == 0 and not arguments.no_report:
         study = studies[0]  # the base, where there are variants: its page compares them
         with attempt(f"no report in {study.out}"):
@@ -147,6 +153,7 @@ def _study(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> "Study":
         sockets=sockets,
         out=arguments.out,
         pictures=not arguments.no_pictures,
+        profile=arguments.profile,
     )
 
 

@@ -19,6 +19,9 @@ from calfsocket.forms.kinematics import deformation_gradient
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+CONTACT_RESIDUAL = PETSc.Log.Event("ContactResidual")
+CONTACT_TANGENT = PETSc.Log.Event("ContactTangent")
+
 PATTERN_REACH = 1.5
 """Slip in mm for which the matrix pattern is laid out ahead."""
 
@@ -291,14 +294,15 @@ class ContactInterface:
 
     def add_residual(self, b: PETSc.Vec) -> ContactState:
         """Add the contact residual to an assembled vector (collective)."""
-        state = self.state()
-        skin, socket = nitsche.residual(self.points, state)
-        # Held unknowns, too: their residual is the force that holds them.
-        b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
-        b.setValues(
-            self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
-        )
-        b.assemble()
+        with CONTACT_RESIDUAL:
+            state = self.state()
+            skin, socket = nitsche.residual(self.points, state)
+            # Held unknowns, too: their residual is the force that holds them.
+            b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
+            b.setValues(
+                self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
+            )
+            b.assemble()
         return state
 
     def tangent(self) -> tuple[FloatArray, IntArray]:
@@ -312,10 +316,11 @@ class ContactInterface:
         edge : (n,)
             That edge along the socket's chain.
         """
-        nominal = self.nominal_traction()
-        state = self.state(nominal)
-        d_nominal = self.nominal_traction_variation()
-        blocks = nitsche.tangent(self.points, state, nominal, d_nominal, self.parameters)
+        with CONTACT_TANGENT:
+            nominal = self.nominal_traction()
+            state = self.state(nominal)
+            d_nominal = self.nominal_traction_variation()
+            blocks = nitsche.tangent(self.points, state, nominal, d_nominal, self.parameters)
         return blocks, state.projection.edge
 
     def constraint_tangent(self) -> tuple[FloatArray, IntArray]:
