@@ -21,7 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
+from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 
 from calfsocket.forms import hencky, ogden, yeoh
 from calfsocket.forms.element import QUADRATURE_DEGREE
@@ -94,6 +97,9 @@ def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
             raise ValueError(f"law {law!r} is not one of {', '.join(LAW_IDS)}")
     by_x, by_J = ufl.diff(psi, x), ufl.diff(psi, J)
     by_xx, by_xJ, by_JJ = ufl.diff(by_x, x), ufl.diff(by_x, J), ufl.diff(by_J, J)
+    psi, J, x, by_x, by_J, by_xx, by_xJ, by_JJ = map(
+        _without_variables, (psi, J, x, by_x, by_J, by_xx, by_xJ, by_JJ)
+    )
     x_q, x_J = 0.5 / J, -x / J
     return Isochoric(
         psi=psi,
@@ -103,6 +109,22 @@ def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
         qJ=(by_xJ + by_xx * x_J - by_x / J) * x_q,
         JJ=by_JJ + (2.0 * by_xJ + by_xx * x_J - 2.0 * by_x / J) * x_J,
     )
+
+
+class _Variables(MultiFunction):
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, _variable: Expr, operand: Expr, _label: Expr) -> Expr:
+        return operand
+
+
+def _without_variables(expression: Expr) -> Expr:
+    """Take the derivatives, and let variables be what they stand for.
+
+    Their labels are numbered through the process: with them, the same expression would have another
+    name in the cache of compiled forms each time.
+    """
+    return map_expr_dag(_Variables(), expand_derivatives(expression))
 
 
 def pressure(p_dof: Expr, fields: LawFields) -> Expr:
