@@ -9,8 +9,7 @@ OPTIONS_PREFIX = "calfsocket_"
 
 DEFAULT_OPTIONS: dict[str, str | int | float] = {
     "snes_type": "newtonls",
-    # Full steps: where a search would cut them, it is for rows of stiff tissues, to no avail.
-    "snes_linesearch_type": "basic",
+    "snes_linesearch_type": "bt",
     "snes_max_it": 20,
     "snes_atol": 1e-9,
     "snes_rtol": 0.0,
@@ -28,12 +27,13 @@ DEFAULT_OPTIONS: dict[str, str | int | float] = {
 
 
 @contextmanager
-def defaults() -> Iterator[None]:
-    """Put our defaults into PETSc's option database where the user has set nothing."""
+def defaults(**changed: str) -> Iterator[None]:
+    """Put our defaults, or these, into PETSc's options where the user has set nothing."""
     options = PETSc.Options(OPTIONS_PREFIX)
-    added = [name for name in DEFAULT_OPTIONS if not options.hasName(name)]
+    values = DEFAULT_OPTIONS | changed
+    added = [name for name in values if not options.hasName(name)]
     for name in added:
-        options[name] = DEFAULT_OPTIONS[name]
+        options[name] = values[name]
     try:
         yield
     finally:

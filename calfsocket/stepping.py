@@ -91,7 +91,7 @@ class Stepper:
         self.steps: list[LoadStep] = []
         self._on_iteration = on_iteration
         self._on_step = on_step
-        self.solver = Solver(model, self._monitor)
+        self.solver = Solver(model, self._monitor, full_steps_first=True)
 
     def run(self) -> None:
         """Raise the load to 1 (collective).

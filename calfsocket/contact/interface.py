@@ -333,7 +333,8 @@ class ContactInterface:
         """Socket edges within `PATTERN_REACH` of slip, a row a skin edge (collective)."""
         edge = self.state().projection.edge.reshape(-1, self.parameters.gauss_points)
         ahead = int(np.ceil(PATTERN_REACH * len(self.chain.start) / self.chain.length))
-        return self.chain.around(edge.ravel(), ahead).reshape(len(edge), -1)
+        near = self.chain.around(edge.ravel(), ahead)
+        return near.reshape(len(edge), near.shape[1] * self.parameters.gauss_points)
 
 
 def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
