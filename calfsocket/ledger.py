@@ -12,6 +12,7 @@ from calfsocket import resume, sweep_table, writers
 from calfsocket.case import Case
 from calfsocket.checkpoint import CHECKPOINT_FILE
 from calfsocket.inventory import about, laws_of_sets
+from calfsocket.profile import PROFILE_FILE
 from calfsocket.sweep_table import SWEEP_FILE
 from calfsocket.versions import versions
 
@@ -23,7 +24,7 @@ RUN_FILE = "run.json"
 CASES_FILE = "cases.csv"
 CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
 """Tables in which a case has rows of its own."""
-FILES = (*CASE_TABLES, SWEEP_FILE, CASES_FILE, RUN_FILE)
+FILES = (*CASE_TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
 """Files of a study beside its cases' folders."""
 
 log = logging.getLogger(__name__)

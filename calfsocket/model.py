@@ -13,6 +13,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from calfsocket.condensation import CondensedTangent, quadrature
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import InputError
@@ -27,6 +28,13 @@ SocketSupport = Literal["floating", "outer-fixed"]
 
 SUPPORT_STIFFNESS = 1e-7
 """Bedding of a floating socket in N/mm^3, only where there is no friction to stop it turning."""
+
+TISSUE_RESIDUAL = PETSc.Log.Event("TissueResidual")
+
+LARGEST_BULK_RATIO = 1e3
+"""Ratio K/mu up to which a cell's constant pressure is eliminated from the linear system.
+
+It is exact at any ratio; the condensed matrix then has stiffnesses of this ratio side by side."""
 
 # Halves the time of a tangent; unlike -ffast-math it keeps NaN, which tells a step that overshot,
 # and unlike -march=native it gives code that runs on other machines too.
@@ -66,6 +74,9 @@ class Model:
         The contact pair; its `load` is the load of the model.
     held : (n,) int
         Owned unknowns that are fixed at zero.
+    bedding, anchor : fem.Function
+        Where there is a bedding: its stiffness in each cell, N/mm^3, and the displacement at which
+        it is at rest.
     interface : type of ContactInterface
         How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
     """
@@ -87,21 +98,19 @@ class Model:
         self.V = fem.functionspace(domain, section_element())
         self.w = fem.Function(self.V, name="displacement_and_pressure")
         laws = {section.regions[name]: law for name, law in region_laws.items()}
+        self.bedding: fem.Function | None = None
         self.fields = law_fields(domain, section.cell_tags, laws)
         self.law_tags = law_tags(domain, section.cell_tags, laws)
         dx = mixed.volume_measure(domain, self.law_tags)
         residual = mixed.residual(self.w, self.fields, dx)
-        tangent = mixed.tangent(self.w, self.fields, dx)
-        if socket_support == "floating" and contact.fric_coeff == 0.0:
-            bedding = self._bedding()
-            residual += bedding * ufl.inner(ufl.split(self.w)[0], ufl.TestFunctions(self.V)[0]) * dx
-            tangent += (
-                bedding
-                * ufl.inner(ufl.TrialFunctions(self.V)[0], ufl.TestFunctions(self.V)[0])
-                * dx
-            )
+        frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
+        stiffness = self.bedding_stiffness(frictionless)
+        if stiffness:
+            self.bedding = self._by_region(stiffness)
+            self.anchor = fem.Function(self.V)
+            u, anchor = ufl.split(self.w)[0], ufl.split(self.anchor)[0]
+            residual += self.bedding * ufl.inner(u - anchor, ufl.TestFunctions(self.V)[0]) * dx
         self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
-        self._tangent = fem.form(tangent, jit_options=COMPILER_OPTIONS)
         self._b = fem_petsc.create_vector(self._residual)
         held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
@@ -116,7 +125,6 @@ class Model:
             section.facet_tags,
             section.boundaries[tags.SKIN_SURFACE],
             section.boundaries[tags.SOCKET_INNER],
-            self._constrained,
             contact,
         )
 
@@ -152,22 +160,41 @@ class Model:
         return x
 
     def create_matrix(self) -> PETSc.Mat:
-        """Return a matrix with the pattern of tissues and contact (collective)."""
+        """Return the tangent as a matrix of PETSc's that also solves (collective).
+
+        Its Python context is the `CondensedTangent`; its values are those of the last `tangent`.
+        """
         index_map = self.V.dofmap.index_map
         size = (index_map.size_local, index_map.size_global)
-        A = PETSc.Mat().create(self.comm)
-        A.setSizes((size, size))
-        A.setType(PETSc.Mat.Type.AIJ)
-        ghosted = index_map.local_to_global(
-            np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        condensed = CondensedTangent(
+            self.V, self._moduli(), self._constrained, self._keeps_constant(), self.contact
         )
-        local_to_global = PETSc.LGMap().create(ghosted.astype(PETSc.IntType), comm=self.comm)
-        A.setLGMap(local_to_global, local_to_global)
-        A.setUp()
-        # Contact may leave the pattern laid out for it when the limb slides far: allow it to.
-        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        self._assemble_tangent(A)
-        return A
+        return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
+
+    def _moduli(self) -> list[tuple[fem.Expression, NDArray[np.int32]]]:
+        """Tangent moduli of each law, and its owned cells."""
+        u, p_dof = ufl.split(self.w)
+        F, p = deformation_gradient(u), mixed.pressure(p_dof, self.fields)
+        owned = self.section.mesh.topology.index_map(2).size_local
+        found = []
+        for law, tag in mixed.LAW_IDS.items():
+            expression = fem.Expression(
+                mixed.moduli(law, F, p, self.fields, 0.0 if self.bedding is None else self.bedding),
+                quadrature()[0],
+                comm=self.comm,
+                jit_options=COMPILER_OPTIONS,
+            )
+            cells = self.law_tags.find(tag)
+            found.append((expression, cells[cells < owned]))
+        return found
+
+    def _keeps_constant(self) -> NDArray[np.bool_]:
+        """Local cells too stiff in volume to take their constant pressure out of the system."""
+        inverse_bulk, mu = (
+            field.x.array for field in (self.fields.inverse_bulk, self.fields.pressure_scale)
+        )
+        stiff = inverse_bulk * mu < 1.0 / LARGEST_BULK_RATIO
+        return np.asarray(stiff)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Residual in N/mm; fixed unknowns have their own value instead (collective).
@@ -186,19 +213,16 @@ class Model:
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
         self.set_unknowns(x)
-        A.zeroEntries()
-        self._assemble_tangent(A)
+        A.getPythonContext().assemble(*self.contact.tangent())
+        A.assemble()
 
-    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Tangent of the tissues with contact as a constraint (collective)."""
+    def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
+        """Condensed tangent of the tissues with contact as a constraint (collective)."""
         self.set_unknowns(x)
-        A.zeroEntries()
-        self.contact.add_constraint_tangent(A)
-        self._add_tissues(A)
-
-    def pressure_unknowns(self) -> int:
-        """Return the number of pressure unknowns on all ranks."""
-        return 3 * self.section.mesh.topology.index_map(2).size_global
+        condensed = A.getPythonContext()
+        condensed.assemble(*self.contact.constraint_tangent())
+        pressures = 3 * self.section.mesh.topology.index_map(2).size_global
+        return condensed.matrix, pressures - condensed.negative_inside()
 
     def set_unknowns(self, x: PETSc.Vec) -> None:
         """Copy a vector into `w`, ghosts included (collective)."""
@@ -264,27 +288,17 @@ class Model:
 
     def _assemble_residual(self, x: PETSc.Vec) -> Any:
         self.set_unknowns(x)
-        with self._b.localForm() as local:
-            local.set(0.0)
-        fem_petsc.assemble_vector(self._b, self._residual)
-        self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        with TISSUE_RESIDUAL:
+            with self._b.localForm() as local:
+                local.set(0.0)
+            fem_petsc.assemble_vector(self._b, self._residual)
+            self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
         return self.contact.add_residual(self._b)
-
-    def _assemble_tangent(self, A: PETSc.Mat) -> None:
-        if not A.assembled:
-            self.contact.add_pattern(A)
-        self.contact.add_tangent(A)
-        self._add_tissues(A)
-
-    def _add_tissues(self, A: PETSc.Mat) -> None:
-        fem_petsc.assemble_matrix_mat(A, self._tangent, self._bcs)
-        A.assemble()
 
     def _fix(self, boundaries: Mapping[str, tuple[int, ...]]) -> None:
         """Hold components of the displacement on boundaries at zero."""
         section = self.section
         owned = self.V.dofmap.index_map.size_local
-        self._bcs = []
         self._constrained = np.zeros_like(self.w.x.array, dtype=bool)
         self._tibia_owned = []
         for name, components in boundaries.items():
@@ -292,17 +306,26 @@ class Model:
             for component in components:
                 space = self.V.sub(0).sub(component)
                 dofs = fem.locate_dofs_topological(space, 1, facets)
-                self._bcs.append(fem.dirichletbc(PETSc.ScalarType(0.0), dofs, space))
                 self._constrained[dofs] = True
                 if name == tags.TIBIA_MEDULLARY:
                     self._tibia_owned.append(dofs[dofs < owned])
         self.held = np.flatnonzero(self._constrained[:owned])
 
-    def _bedding(self) -> fem.Function:
-        bedding = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))
-        socket = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
-        bedding.x.array[socket] = SUPPORT_STIFFNESS
-        return bedding
+    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
+        """Stiffness in N/mm^3 of a bedding by region; none where a region is not named.
+
+        Parameters
+        ----------
+        frictionless : bool
+            Whether nothing else stops a floating socket from turning.
+        """
+        return {tags.SOCKET: SUPPORT_STIFFNESS} if frictionless else {}
+
+    def _by_region(self, values: Mapping[str, float]) -> fem.Function:
+        function = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))
+        for name, value in values.items():
+            function.x.array[self.section.cell_tags.find(self.section.regions[name])] = value
+        return function
 
     def region_ids(self) -> NDArray[np.int32]:
         """Region tag of each local cell, ghosts included."""

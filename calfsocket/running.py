@@ -17,6 +17,7 @@ from calfsocket.errors import CalfsocketError, InputError, SolveError, in_one_li
 from calfsocket.farm import Farm
 from calfsocket.gather import contact_line, section_fields
 from calfsocket.ledger import KEY, case_digests
+from calfsocket.profile import PROFILE_FILE, Profile
 from calfsocket.progress import Event
 from calfsocket.section_fields import SectionFields
 from calfsocket.stepping import LoadStep, Milestone
@@ -61,6 +62,7 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
     """Solve a case on this group of ranks and write its files; return its entry of run.json."""
     root = farm.group.rank == 0
     rows: list[dict[str, Any]] = []
+    profile = Profile() if study.profile else None
     troubles: set[str] = set()
 
     def tell(text: str, load: float, milestone: bool = False) -> None:
@@ -119,7 +121,11 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
     if start is not None:
         tell("goes on from its last equilibrium", start.load, True)
         rows += [_step_row(case, step) for step in start.steps]
+    if profile:
+        profile.start()
     run.solve(start)
+    if profile:
+        profile.stop()
     checks = run.checks()
     with run.phase("outcomes"):
         fields = section_fields(run.model, region_tissues(study.limb))
@@ -133,6 +139,11 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
         if study.pictures:
             with run.phase("picture"), attempt(f"no picture of {case.name}"):
                 picture.draw(study.out / case.name)
+    if profile and root:
+        times = profile.rows(run.seconds)
+        times.insert(0, "socket", case.socket)
+        times.insert(1, "material_set", case.material_set)
+        _merge(study, PROFILE_FILE, times)
     load = float(run.model.contact.load)
     warnings = run.warnings(checks)
     text = run.failure or "; ".join(["solved", *warnings])

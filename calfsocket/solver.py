@@ -2,27 +2,12 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from petsc4py import PETSc
 
-OPTIONS_PREFIX = "calfsocket_"
-
-DEFAULT_OPTIONS: dict[str, str | int | float] = {
-    "snes_type": "newtonls",
-    "snes_linesearch_type": "bt",
-    "snes_max_it": 20,
-    "snes_atol": 1e-9,
-    "snes_rtol": 0.0,
-    "snes_stol": 0.0,
-    "snes_divergence_tolerance": -1.0,
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 60,
-}
-"""The residual's tolerance is in N/mm; any of them can be set as -calfsocket_NAME VALUE."""
+from calfsocket.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
 
 
 class Problem(Protocol):
@@ -40,11 +25,16 @@ class Problem(Protocol):
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Compute the derivative A of the residual at x."""
 
-    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Matrix A whose symmetric part decides whether the equilibrium x is stable."""
+    def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
+        """Return what decides whether the equilibrium x is stable; A is overwritten.
 
-    def pressure_unknowns(self) -> int:
-        """Return the number of pressure unknowns, each of which owns a negative eigenvalue."""
+        Returns
+        -------
+        matrix : PETSc.Mat
+            Its symmetric part counts.
+        negative : int
+            Negative eigenvalues that it has at a stable equilibrium: of the pressures in it.
+        """
 
 
 @dataclass(frozen=True)
@@ -56,13 +46,13 @@ class NewtonResult:
     converged : bool
         Whether the residual came below the tolerance.
     iterations : int
-        Newton iterations.
+        Newton iterations, those without success before a line search was taken included.
     residual : float
         Euclidean norm of the residual in N/mm.
     reason : str
         PETSc's name for why it stopped.
     history : tuple of float
-        Residual norm before each iteration, and at the end, in N/mm.
+        Residual norm before each iteration of the last attempt, and at its end, in N/mm.
     """
 
     converged: bool
@@ -81,10 +71,17 @@ class Solver:
         Residual and tangent.
     monitor : callable, optional
         Called with iteration and residual norm (N/mm) at each iteration, on every rank.
+    full_steps_first : bool
+        Whether to try without a line search first, and with one again from the same start where
+        that does not converge. In small load steps a search only cuts steps for the rows of stiff
+        tissues, which the next iteration would mend. A search of the user's choice is the only one.
     """
 
     def __init__(
-        self, problem: Problem, monitor: Callable[[int, float], None] | None = None
+        self,
+        problem: Problem,
+        monitor: Callable[[int, float], None] | None = None,
+        full_steps_first: bool = False,
     ) -> None:
         self._problem = problem
         self._monitor = monitor
@@ -92,23 +89,45 @@ class Solver:
         self.x = problem.create_vector()
         self._f = self.x.duplicate()
         self._A = problem.create_matrix()
-        comm = self.x.getComm()
-        self._snes = PETSc.SNES().create(comm)
-        self._snes.setOptionsPrefix(OPTIONS_PREFIX)
-        self._snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
-        self._snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self._A)
-        self._snes.setMonitor(self._record)
-        with _defaults():
-            self._snes.setFromOptions()
+        self._searching = self._create_snes()
+        self._first = self._searching
+        if full_steps_first and not PETSc.Options(OPTIONS_PREFIX).hasName("snes_linesearch_type"):
+            self._first = self._create_snes(snes_linesearch_type="basic")
+
+    def _create_snes(self, **changed: str) -> PETSc.SNES:
+        problem = self._problem
+        snes = PETSc.SNES().create(self.x.getComm())
+        snes.setOptionsPrefix(OPTIONS_PREFIX)
+        snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
+        snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self._A)
+        snes.setMonitor(self._record)
+        with defaults(**changed):
+            snes.setFromOptions()
+        if self._A.getType() == PETSc.Mat.Type.PYTHON:
+            # A tangent that knows how to solve; PETSc's options are for its own solver then.
+            ksp = snes.getKSP()
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+            ksp.getPC().setPythonContext(self._A.getPythonContext())
+        return snes
 
     def solve(self) -> NewtonResult:
         """Solve from the present `x`, which holds the last iterate afterwards (collective)."""
+        start = self.x.copy()
+        result = self._attempt(self._first)
+        if result.converged or self._searching is self._first:
+            return result
+        start.copy(self.x)
+        again = self._attempt(self._searching)
+        return replace(again, iterations=result.iterations + again.iterations)
+
+    def _attempt(self, snes: PETSc.SNES) -> NewtonResult:
         self._history = []
-        self._snes.solve(None, self.x)
-        reason = self._snes.getConvergedReason()
+        snes.solve(None, self.x)
+        reason = snes.getConvergedReason()
         return NewtonResult(
             converged=reason > 0,
-            iterations=self._snes.getIterationNumber(),
+            iterations=snes.getIterationNumber(),
             residual=self._history[-1] if self._history else math.nan,
             reason=_reason_name(reason),
             history=tuple(self._history),
@@ -117,14 +136,14 @@ class Solver:
     def factorise(self) -> None:
         """Factorise the tangent at the present `x`, for `correction` (collective)."""
         self._problem.tangent(self.x, self._A)
-        ksp = self._snes.getKSP()
+        ksp = self._searching.getKSP()
         ksp.setOperators(self._A)
         ksp.setUp()
 
     def correction(self, residual: PETSc.Vec) -> PETSc.Vec:
         """Return tangent^-1 residual, with the tangent of `factorise` (collective)."""
         step = residual.duplicate()
-        self._snes.getKSP().solve(residual, step)
+        self._searching.getKSP().solve(residual, step)
         return step
 
     def negative_modes(self) -> int:
@@ -134,9 +153,9 @@ class Solver:
         constraint, by Sylvester's law from MUMPS's LDL^T factorisation, minus one for each pressure
         unknown, which a saddle point owns anyway. Zero means a stable equilibrium.
         """
-        self._problem.stability_tangent(self.x, self._A)
-        symmetric = self._A.copy()
-        symmetric.axpy(1.0, self._A.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
+        matrix, expected = self._problem.stability(self.x, self._A)
+        symmetric = matrix.copy()
+        symmetric.axpy(1.0, matrix.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
         symmetric.scale(0.5)
         symmetric.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         pc = PETSc.PC().create(symmetric.getComm())
@@ -152,27 +171,12 @@ class Solver:
         negative = factor.getInertia()[0]
         pc.destroy()
         symmetric.destroy()
-        return int(negative) - self._problem.pressure_unknowns()
+        return int(negative) - expected
 
     def _record(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
         self._history.append(float(norm))
         if self._monitor is not None:
             self._monitor(iteration, float(norm))
-
-
-class _defaults:
-    """Put our defaults into PETSc's option database where the user has set nothing."""
-
-    def __enter__(self) -> None:
-        options = PETSc.Options(OPTIONS_PREFIX)
-        self._added = [name for name in DEFAULT_OPTIONS if not options.hasName(name)]
-        for name in self._added:
-            options[name] = DEFAULT_OPTIONS[name]
-
-    def __exit__(self, *_: object) -> None:
-        options = PETSc.Options(OPTIONS_PREFIX)
-        for name in self._added:
-            del options[name]
 
 
 def _reason_name(reason: int) -> str:

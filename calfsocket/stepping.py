@@ -126,7 +126,7 @@ class Stepper:
         self._on_iteration = on_iteration
         self._on_step = on_step
         self._on_milestone = on_milestone
-        self.solver = Solver(model, self._monitor)
+        self.solver = Solver(model, self._monitor, full_steps_first=True)
 
     def run(self, start: Milestone | None = None) -> None:
         """Raise the load to 1 (collective).

@@ -42,6 +42,8 @@ class Study:
         Folder of the results.
     pictures : bool
         Whether to draw each case.
+    profile : bool
+        Whether to write where the time goes (profile.csv).
     known : tuple of Case
         All cases that a folder of this study may hold, `cases` among them, in the order of the
         result tables; by default every socket of the reference data with every set of the paper.
@@ -61,6 +63,7 @@ class Study:
     sockets: Sockets
     out: Path
     pictures: bool = True
+    profile: bool = False
     known: tuple[Case, ...] = ()
     shapes: Mapping[str, Shape] = field(default_factory=dict)
     thresholds: tuple[Threshold, ...] = ()

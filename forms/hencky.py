@@ -21,14 +21,14 @@ from ufl.core.expr import Expr
 from calfsocket.forms.kinematics import log_ratio_squared
 
 
-def energy(q: Expr, J: Expr, mu: Expr) -> Expr:
+def energy(x: Expr, J: Expr, mu: Expr) -> Expr:
     """Isochoric energy per reference volume, MPa.
 
     Parameters
     ----------
-    q, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 and det F.
+    x, J : Expr
+        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
     mu : Expr
         Shear modulus, MPa.
     """
-    return mu * (0.5 * log_ratio_squared(q / (2.0 * J)) + ufl.ln(J) ** 2 / 6.0)
+    return mu * (0.5 * log_ratio_squared(x) + ufl.ln(J) ** 2 / 6.0)

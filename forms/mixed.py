@@ -19,8 +19,12 @@ residual and one compiled tangent serve all regions, tissues and material sets.
 
 from dataclasses import dataclass
 
+import numpy as np
 import ufl
+from ufl.algorithms import expand_derivatives
 from ufl.core.expr import Expr
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 
 from calfsocket.forms import hencky, ogden, yeoh
 from calfsocket.forms.element import QUADRATURE_DEGREE
@@ -75,20 +79,52 @@ class Isochoric:
 
 
 def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
-    """Isochoric energy of a law per reference volume at F (2x2), with its derivatives."""
-    q = ufl.variable(stretch_difference_squared(F))
+    """Isochoric energy of a law per reference volume at F (2x2), with its derivatives.
+
+    The law is differentiated by x = q/(2J) and J, so that its series in x is followed once, and the
+    chain rule, dx/dq = 1/(2J) and dx/dJ = -x/J, does the rest: half of the compiled work.
+    """
     J = ufl.variable(ufl.det(F))
+    x = ufl.variable(stretch_difference_squared(F) / (2.0 * ufl.det(F)))
     match law:
         case "ogden":
-            psi = ogden.energy(q, J, fields.ogden_mu, fields.ogden_alpha)
+            psi = ogden.energy(x, J, fields.ogden_mu, fields.ogden_alpha)
         case "yeoh":
-            psi = yeoh.energy(q, J, fields.c10, fields.c20, fields.c30)
+            psi = yeoh.energy(x, J, fields.c10, fields.c20, fields.c30)
         case "hencky":
-            psi = hencky.energy(q, J, fields.hencky_mu)
+            psi = hencky.energy(x, J, fields.hencky_mu)
         case _:
             raise ValueError(f"law {law!r} is not one of {', '.join(LAW_IDS)}")
-    by_q, by_J = ufl.diff(psi, q), ufl.diff(psi, J)
-    return Isochoric(psi, by_q, by_J, ufl.diff(by_q, q), ufl.diff(by_q, J), ufl.diff(by_J, J))
+    by_x, by_J = ufl.diff(psi, x), ufl.diff(psi, J)
+    by_xx, by_xJ, by_JJ = ufl.diff(by_x, x), ufl.diff(by_x, J), ufl.diff(by_J, J)
+    psi, J, x, by_x, by_J, by_xx, by_xJ, by_JJ = map(
+        _without_variables, (psi, J, x, by_x, by_J, by_xx, by_xJ, by_JJ)
+    )
+    x_q, x_J = 0.5 / J, -x / J
+    return Isochoric(
+        psi=psi,
+        q=by_x * x_q,
+        J=by_J + by_x * x_J,
+        qq=by_xx * x_q**2,
+        qJ=(by_xJ + by_xx * x_J - by_x / J) * x_q,
+        JJ=by_JJ + (2.0 * by_xJ + by_xx * x_J - 2.0 * by_x / J) * x_J,
+    )
+
+
+class _Variables(MultiFunction):
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, _variable: Expr, operand: Expr, _label: Expr) -> Expr:
+        return operand
+
+
+def _without_variables(expression: Expr) -> Expr:
+    """Take the derivatives, and let variables be what they stand for.
+
+    Their labels are numbered through the process: with them, the same expression would have another
+    name in the cache of compiled forms each time.
+    """
+    return map_expr_dag(_Variables(), expand_derivatives(expression))
 
 
 def pressure(p_dof: Expr, fields: LawFields) -> Expr:
@@ -122,7 +158,10 @@ def first_piola_increment(
     The same as `ufl.derivative` gives, but compiled in half the time: the law is differentiated by
     its two invariants only, and D and cof are linear.
     """
-    by = isochoric(law, F, fields)
+    return _increment(isochoric(law, F, fields), F, p, dF, dp)
+
+
+def _increment(by: Isochoric, F: Expr, p: Expr, dF: Expr, dp: Expr) -> Expr:
     D, C = distortion(F), cofactor(F)
     dq = 2.0 * ufl.inner(D, dF)
     dJ = ufl.inner(C, dF)
@@ -132,6 +171,27 @@ def first_piola_increment(
         + 2.0 * (by.qq * dq + by.qJ * dJ) * D
         + (by.qJ * dq + by.JJ * dJ + dp) * C
     )
+
+
+def moduli(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | float = 0.0) -> Expr:
+    """Tangent moduli at a point, for element tangents that are put together without UFL.
+
+    Returns
+    -------
+    Expr
+        (16,): the upper triangle, row by row, of the symmetric derivative of (P11, P12, P21, P22,
+        pressure_scale (J - 1 - p/K)) by (F11, F12, F21, F22, p_dof), MPa; and the bedding, N/mm^3.
+    """
+    by = isochoric(law, F, fields)
+    unit = [ufl.as_matrix(((a, b), (c, d))) for a, b, c, d in np.eye(4)]
+    zero = ufl.as_ufl(0.0)
+    columns = [_increment(by, F, p, dF, zero) for dF in unit]
+    C, scale = cofactor(F), fields.pressure_scale
+    entries: list[Expr] = []
+    for i in range(4):
+        entries += [columns[j][i // 2, i % 2] for j in range(i, 4)]
+        entries.append(scale * C[i // 2, i % 2])
+    return ufl.as_vector([*entries, -(scale**2) * fields.inverse_bulk, ufl.as_ufl(bedding)])
 
 
 def volume_measure(domain: ufl.Mesh, law_tags: object) -> ufl.Measure:

@@ -24,19 +24,19 @@ from ufl.core.expr import Expr
 from calfsocket.forms.kinematics import cosh_minus_one, log_ratio_squared
 
 
-def energy(q: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Expr:
+def energy(x: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Expr:
     """Isochoric energy per reference volume, MPa.
 
     Parameters
     ----------
-    q, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 and det F.
+    x, J : Expr
+        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
     mu : sequence of Expr
         Moduli of the terms in MPa; one of zero switches its term off.
     alpha : sequence of Expr
         Exponents, not zero.
     """
-    d_squared = log_ratio_squared(q / (2.0 * J))
+    d_squared = log_ratio_squared(x)
     log_J = ufl.ln(J)
     psi = 0.0
     for mu_i, alpha_i in zip(mu, alpha, strict=True):

@@ -37,9 +37,21 @@ def section_mesh(comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize) -> 
 
 def build(limb: Limb, socket: Socket, size: MeshSize) -> TriangleMesh:
     """Mesh a limb and a socket on this process; the same input gives the same arrays."""
+    size = final_size(limb, socket, size)
     with gmsh_model.session("section"):
         generate(limb, socket, size)
         return smooth(gmsh_model.extract())
+
+
+def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
+    """Settle a size that is a number of triangles, by trial meshes."""
+
+    def count(trial: MeshSize) -> int:
+        with gmsh_model.session("trial"):
+            generate(limb, socket, trial)
+            return len(gmsh_model.extract().cells)
+
+    return size.for_triangles(count)
 
 
 def write_section(
@@ -57,7 +69,7 @@ def write_section(
     path = Path(path)
     limb = limb or load_limb()
     socket = (sockets or load_sockets()).socket(socket_name)
-    size = sizing.mesh_size(size_name)
+    size = final_size(limb, socket, sizing.mesh_size(size_name))
     if path.suffix != ".msh":
         raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
     if not path.parent.is_dir():

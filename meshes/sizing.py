@@ -1,7 +1,7 @@
 """How large the triangles are, and where."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,12 @@ from calfsocket.meshes.schema import nearest
 SAMPLE_STEP = 0.1
 #: Spacing of the grid on which the size is given to gmsh, mm.
 GRID_STEP = 0.25
+#: Numbers of triangles that may be asked for: with fewer the thin layers are meshed badly.
+FEWEST_TRIANGLES, MOST_TRIANGLES = 7000, 1_000_000
+#: Side lengths of the first trial mesh, in those of "paper".
+TRIAL_FACTOR = 2.0
+#: How close to the number of triangles trial meshes come, and how many there are after the first.
+COUNT_TOLERANCE, TRIALS = 0.03, 4
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,9 @@ class MeshSize:
     least ``smallest`` and at most ``on_curves`` (``on_skin`` on the contact surface), and never
     more than ``curvature_fraction`` times the radius of curvature. From there it grows by
     ``growth`` per mm of distance, up to ``largest``.
+
+    With a number of ``triangles``, limb and socket together, these are only the shape of the field:
+    `for_triangles` scales it so that the mesh has about so many.
     """
 
     name: str
@@ -37,6 +46,37 @@ class MeshSize:
     largest: float
     socket_inner: float
     socket_outer: float
+    triangles: int | None = None
+
+    def scaled(self, factor: float) -> "MeshSize":
+        """Every triangle's side times a factor; this size is then final."""
+        lengths = {
+            field.name: factor * getattr(self, field.name)
+            for field in fields(self)
+            if field.name not in ("name", "triangles")
+        }
+        return replace(self, triangles=None, **lengths)
+
+    def for_triangles(self, count: Callable[["MeshSize"], int]) -> "MeshSize":
+        """Return the final size; `count` tells how many triangles a mesh of a size has.
+
+        A field that is scaled by a factor f has about 1/f^2 as many triangles, fewer where the
+        outlines ask for small ones anyway. Trial meshes, the first one coarse, end within
+        `COUNT_TOLERANCE`, or after `TRIALS`.
+        """
+        if self.triangles is None:
+            return self
+        factor, power = TRIAL_FACTOR, 2.0
+        found = count(self.scaled(factor))
+        for _ in range(TRIALS):
+            excess = found / self.triangles
+            if abs(excess - 1.0) < COUNT_TOLERANCE:
+                break
+            before, had = factor, found
+            factor *= excess ** (1.0 / power)
+            found = count(self.scaled(factor))
+            power = float(np.clip(np.log(had / found) / np.log(factor / before), 1.0, 4.0))
+        return self.scaled(factor)
 
 
 SIZES = {
@@ -51,7 +91,26 @@ SIZES = {
 
 
 def mesh_size(name: str) -> MeshSize:
-    """Return the size of this name."""
+    """Return the size of this name, or for this number of triangles.
+
+    Raises
+    ------
+    InputError
+        For another name, or a number that is too small for the outlines or too large to solve.
+    """
+    if name in SIZES:
+        return SIZES[name]
+    if name.isascii() and name.isdigit():
+        if not FEWEST_TRIANGLES <= int(name) <= MOST_TRIANGLES:
+            raise InputError(f"size: {name} triangles; give {FEWEST_TRIANGLES} to {MOST_TRIANGLES}")
+        return replace(SIZES["paper"], name=str(int(name)), triangles=int(name))
+    raise InputError(
+        f"size: no mesh size '{name}'; {nearest(name, SIZES)}, or a number of triangles"
+    )
+
+
+def named_size(name: str) -> MeshSize:
+    """Return the size of this name; a number of triangles is none."""
     if name not in SIZES:
         raise InputError(f"size: no mesh size '{name}'; {nearest(name, SIZES)}")
     return SIZES[name]

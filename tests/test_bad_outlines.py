@@ -9,10 +9,10 @@ from typing import Any
 import ezdxf
 import numpy as np
 import pytest
-from reliability import Trial
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.outline import read_outline
+from reliability import Trial
 
 TITLE = "Outlines of sockets"
 INTRO = "Files given as the inner face of a socket, as CSV, DXF or SVG."

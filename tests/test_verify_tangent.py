@@ -64,7 +64,8 @@ def test_a_tangent_that_is_not_exact_shows():
 
     def scaled(x, A):
         exact(x, A)
-        A.scale(1.01)
+        A.getPythonContext().matrix.scale(1.01)
+        A.getPythonContext().inverse /= 1.01
 
     model.tangent = scaled
     rest = model.create_vector()

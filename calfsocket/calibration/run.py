@@ -17,7 +17,7 @@ from calfsocket.gather import section_fields
 from calfsocket.laws import Law, Ogden
 from calfsocket.meshes.compound import Compound
 from calfsocket.meshes.data import Limb
-from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.sizing import named_size
 from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.section_fields import SectionFields
 from calfsocket.tissues import FasciaC10, material_set
@@ -182,7 +182,7 @@ def calibrate(
 
 
 def _specimen(comm: MPI.Comm, settings: Settings) -> Specimen:
-    size = mesh_size(settings.size)
+    size = named_size(settings.size)
     if settings.specimen == "compound":
         specimen = compound_specimen(comm, settings.compound, size)
     else:

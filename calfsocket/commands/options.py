@@ -20,7 +20,9 @@ class Options(Protocol):
 def add_size(options: Options, default: str = "paper") -> None:
     """Add the size of the mesh."""
     options.add_argument(
-        "--size", default=default, help="mesh: coarse, medium or paper (default: %(default)s)"
+        "--size",
+        default=default,
+        help="mesh: coarse, medium, paper or a number of triangles (default: %(default)s)",
     )
 
 

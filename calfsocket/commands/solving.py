@@ -3,6 +3,7 @@
 import argparse
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,6 +46,9 @@ def add_running(parser: Options, out: Path | None) -> None:
         metavar="N",
         help="ranks that solve one case together (default: cases side by side)",
     )
+    parser.add_argument(
+        "--profile", action="store_true", help="say where the time goes, and write profile.csv"
+    )
     parser.add_argument("--no-pictures", action="store_true", help="do not draw the cases")
     parser.add_argument(
         "--no-report", action="store_true", help="do not write the report at the end"
@@ -76,6 +80,7 @@ def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse
     """
     from rich.console import Console
 
+    from calfsocket import profile
     from calfsocket.report.writing import write_report
     from calfsocket.running import attempt
     from calfsocket.study import check_folder, run_study
@@ -91,9 +96,13 @@ def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse
     try:
         for each in studies:
             log.info("results go to %s", each.out)
+            study = replace(each, profile=arguments.profile)
             solved.append(
-                run_study(comm, each, arguments.ranks_per_case, console, arguments.resume)
+                run_study(comm, study, arguments.ranks_per_case, console, arguments.resume)
             )
+            if comm.rank == 0 and arguments.profile:
+                with attempt(f"no profile of {each.out}"):
+                    console.print(profile.table(each.out))
     except KeyboardInterrupt as interrupt:
         raise type(interrupt)(
             f"interrupted; what is finished is whole in {each.out}, and the same command with "

@@ -17,6 +17,10 @@ from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+CONTACT_RESIDUAL = PETSc.Log.Event("ContactResidual")
+CONTACT_TANGENT = PETSc.Log.Event("ContactTangent")
 
 PATTERN_REACH = 1.5
 """Slip in mm for which the matrix pattern is laid out ahead."""
@@ -25,8 +29,6 @@ CONSTRAINT_STIFFNESS = 10.0
 """Stiffness of contact in MPa/mm for counting negative modes; 0.1 to 1000 give the same count."""
 
 
-# Row or column of a matrix that PETSc leaves out: that of a held unknown.
-_LEFT_OUT = -1
 # Vertices and mid-side node of each edge of the reference triangle, and its direction.
 _EDGE_VERTICES = np.array([[1, 2], [0, 2], [0, 1]])
 _EDGE_DIRECTION = np.array([[-1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
@@ -112,8 +114,6 @@ class ContactInterface:
         Tags of the boundary edges.
     skin_tag, socket_tag : int
         Tags of the skin surface and of the socket's inner face.
-    constrained : (n,) bool
-        Dirichlet markers of the local degrees of freedom, ghosts included.
     parameters : ContactParameters
         Friction and Nitsche stiffness.
 
@@ -121,6 +121,8 @@ class ContactInterface:
     ----------
     load : float
         Share of the overclosure that is released, 0 to 1.
+    skin, socket : Face
+        Edges of the skin's surface and of the socket's inner face, those of cells of this rank.
     edge_parameters : (parameters.gauss_points,)
         Quadrature points of a skin edge in its own parameter, -1 to 1.
     converged_arc : (n,)
@@ -135,7 +137,6 @@ class ContactInterface:
         facet_tags: mesh.MeshTags,
         skin_tag: int,
         socket_tag: int,
-        constrained: NDArray[np.bool_],
         parameters: ContactParameters,
     ) -> None:
         V = w.function_space
@@ -150,7 +151,7 @@ class ContactInterface:
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
-        self._set_up_socket(Face.of(V, facet_tags, socket_tag), constrained)
+        self._set_up_socket(Face.of(V, facet_tags, socket_tag))
 
         on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         u, p_dof = ufl.split(w)
@@ -164,8 +165,6 @@ class ContactInterface:
         cell_dofs = V.dofmap.list[self.skin.entities[:, 0]]
         dofs = _global(V.dofmap.index_map, cell_dofs)
         self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
-        rows = np.where(constrained[cell_dofs], _LEFT_OUT, dofs)
-        self._skin_rows = np.repeat(rows, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
         start = self.chain.project(position, self._socket_displacement())
@@ -175,24 +174,25 @@ class ContactInterface:
 
     # -- geometry -------------------------------------------------------------------------------
 
-    def _set_up_socket(self, face: Face, constrained: NDArray[np.bool_]) -> None:
+    def _set_up_socket(self, face: Face) -> None:
         """Share the socket's edges with all ranks and string them to one chain."""
-        index_map = self._w.function_space.dofmap.index_map
-        dofs = _global(index_map, face.dofs)
-        rows = np.where(constrained[face.dofs], _LEFT_OUT, dofs)
-        nodes, dofs, rows, inside = (
-            np.concatenate(self._comm.allgather(part))
-            for part in (face.nodes, dofs, rows, face.inside)
+        nodes, inside = (
+            np.concatenate(self._comm.allgather(part)) for part in (face.nodes, face.inside)
         )
         self._chain_order = order_chain(nodes, inside)
         self.chain = EdgeChain.from_edges(along_chain(nodes, *self._chain_order))
-        self._socket_dofs = along_chain(dofs, *self._chain_order).reshape(-1, 6)
-        self._socket_rows = along_chain(rows, *self._chain_order).reshape(-1, 6)
-        self._socket_face = face
+        self.socket = face
+        index_map = self._w.function_space.dofmap.index_map
+        self._socket_dofs = self.along_socket(_global(index_map, face.dofs))
+
+    def along_socket(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Gather values at the nodes of `socket` along its chain, on every rank; (n_edges, 6)."""
+        everywhere = np.concatenate(self._comm.allgather(values))
+        return along_chain(everywhere, *self._chain_order).reshape(-1, 6)
 
     def _socket_displacement(self) -> FloatArray:
         """Displacement of the chain's nodes on every rank, in mm; (n_edges, 3, 2)."""
-        mine = np.ascontiguousarray(self._w.x.array[self._socket_face.dofs])
+        mine = np.ascontiguousarray(self._w.x.array[self.socket.dofs])
         counts = np.array(self._comm.allgather(mine.size))
         everyone = np.empty(counts.sum())
         self._comm.Allgatherv(mine, [everyone, counts])
@@ -294,48 +294,47 @@ class ContactInterface:
 
     def add_residual(self, b: PETSc.Vec) -> ContactState:
         """Add the contact residual to an assembled vector (collective)."""
-        state = self.state()
-        skin, socket = nitsche.residual(self.points, state)
-        # Held unknowns, too: their residual is the force that holds them.
-        b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
-        b.setValues(
-            self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
-        )
-        b.assemble()
+        with CONTACT_RESIDUAL:
+            state = self.state()
+            skin, socket = nitsche.residual(self.points, state)
+            # Held unknowns, too: their residual is the force that holds them.
+            b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
+            b.setValues(
+                self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
+            )
+            b.assemble()
         return state
 
-    def add_tangent(self, A: PETSc.Mat) -> None:
-        """Add the contact tangent to a matrix that is being assembled (collective)."""
-        nominal = self.nominal_traction()
-        state = self.state(nominal)
-        d_nominal = self.nominal_traction_variation()
-        self._insert(
-            A,
-            state,
-            nitsche.tangent(self.points, state, nominal, d_nominal, self.parameters),
-        )
+    def tangent(self) -> tuple[FloatArray, IntArray]:
+        """Contact tangent at the present unknowns and load (collective).
 
-    def add_constraint_tangent(self, A: PETSc.Mat) -> None:
-        """Add contact as a constraint, for counting negative modes (collective)."""
+        Returns
+        -------
+        blocks : (n, k + 6, k + 6)
+            Of each skin point: rows and columns are the k unknowns of its cell, then the two
+            components at the nodes of the socket's edge.
+        edge : (n,)
+            That edge along the socket's chain.
+        """
+        with CONTACT_TANGENT:
+            nominal = self.nominal_traction()
+            state = self.state(nominal)
+            d_nominal = self.nominal_traction_variation()
+            blocks = nitsche.tangent(self.points, state, nominal, d_nominal, self.parameters)
+        return blocks, state.projection.edge
+
+    def constraint_tangent(self) -> tuple[FloatArray, IntArray]:
+        """Return contact as a constraint, as `tangent`, to count negative modes (collective)."""
         state = self.state()
-        self._insert(A, state, nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS))
+        blocks = nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS)
+        return blocks, state.projection.edge
 
-    def _insert(self, A: PETSc.Mat, state: ContactState, blocks: FloatArray) -> None:
-        """Add one block a skin point to the matrix."""
-        rows = np.concatenate([self._skin_rows, self._socket_rows[state.projection.edge]], axis=1)
-        for indices, block in zip(rows, blocks, strict=True):
-            A.setValues(indices, indices, block, addv=PETSc.InsertMode.ADD_VALUES)
-
-    def add_pattern(self, A: PETSc.Mat) -> None:
-        """Insert zeros wherever contact may couple within `PATTERN_REACH` of slip (collective)."""
-        n_points = self.parameters.gauss_points
-        edge = self.state().projection.edge.reshape(-1, n_points)
+    def edges_ahead(self) -> IntArray:
+        """Socket edges within `PATTERN_REACH` of slip, a row a skin edge (collective)."""
+        edge = self.state().projection.edge.reshape(-1, self.parameters.gauss_points)
         ahead = int(np.ceil(PATTERN_REACH * len(self.chain.start) / self.chain.length))
-        for rows, edges in zip(self._skin_rows[::n_points], edge, strict=True):
-            columns = np.unique(self._socket_rows[self.chain.around(edges, ahead)])
-            zeros = np.zeros((len(rows), len(columns)))
-            A.setValues(rows, columns, zeros, addv=PETSc.InsertMode.ADD_VALUES)
-            A.setValues(columns, rows, zeros.T, addv=PETSc.InsertMode.ADD_VALUES)
+        near = self.chain.around(edge.ravel(), ahead)
+        return near.reshape(len(edge), near.shape[1] * self.parameters.gauss_points)
 
 
 def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:

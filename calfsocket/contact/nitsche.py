@@ -233,7 +233,7 @@ def tangent(
         at.normal[:, :, None] * (d_pressure + law.shear[:, None] * turn)[:, None, :]
         + at.tangent[:, :, None] * (d_shear - law.pressure[:, None] * turn)[:, None, :]
     )
-    matrix = -np.einsum("ncr,ncs->nrs", d_offset, d_traction)
+    matrix = -(d_offset.transpose(0, 2, 1) @ d_traction)
     # The socket's test functions move along the edge with the closest point.
     moving = np.einsum("na,nc->nac", d_values, _traction_vector(state)).reshape(n, 6)
     matrix[:, k:, :] += moving[:, :, None] * d_xi[:, None, :]

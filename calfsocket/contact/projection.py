@@ -11,8 +11,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # An edge of a C2 curve is nearly straight, so Newton on its parameter needs a handful of steps.
+# What a step of this tolerance leaves is its square.
 _NEWTON_STEPS = 25
-_NEWTON_TOLERANCE = 1e-14
+_NEWTON_TOLERANCE = 1e-9
 # Vertices closer than this share of the chain's size are one.
 _SAME_POINT = 1e-9
 _SEARCH_POINTS = np.array([-0.75, -0.25, 0.25, 0.75])
@@ -256,23 +257,28 @@ def along_chain(
 
 
 def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Stationary parameter and distance on each candidate edge; shapes (n, k)."""
-    shape = nodes.shape[:-2]
-    xi = np.zeros(shape)
+    """Stationary parameter and distance on each candidate edge; shapes (n, k).
+
+    With y(xi) = a + b xi + c xi^2 and d = x - a, (x - y) . y' is a cubic polynomial:
+
+        d.b + (2 d.c - b.b) xi - 3 b.c xi^2 - 2 c.c xi^3.
+    """
+    first, second, middle = np.moveaxis(nodes, -2, 0)
+    d, b, c = points - middle, 0.5 * (second - first), 0.5 * (first + second) - middle
+    db, dc, bb, bc, cc = (
+        np.sum(one * other, axis=-1) for one, other in ((d, b), (d, c), (b, b), (b, c), (c, c))
+    )
+    linear = 2 * dc - bb
+    xi = np.zeros(np.broadcast_shapes(db.shape, bb.shape))
     for _ in range(_NEWTON_STEPS):
-        values, d_values, dd_values = shape_functions(xi)
-        offset = points - np.einsum("...a,...ac->...c", values, nodes)
-        first = np.einsum("...a,...ac->...c", d_values, nodes)
-        second = np.einsum("...a,...ac->...c", dd_values, nodes)
-        residual = np.sum(offset * first, axis=-1)
-        slope = np.sum(offset * second, axis=-1) - np.sum(first * first, axis=-1)
+        residual = db + xi * (linear - xi * (3 * bc + 2 * cc * xi))
+        slope = linear - 6 * xi * (bc + cc * xi)
         # Beyond its centre of curvature a distant edge has no closest point; it loses anyway.
-        step = -residual / np.where(slope < 0, slope, -np.sum(first * first, axis=-1))
-        xi = np.clip(xi + step, -3.0, 3.0)
-        if np.abs(step).max(initial=0.0) < _NEWTON_TOLERANCE:
+        step = -residual / np.where(slope < 0, slope, -(bb + 4 * xi * (bc + cc * xi)))
+        xi, before = np.clip(xi + step, -3.0, 3.0), xi
+        if np.abs(xi - before).max(initial=0.0) < _NEWTON_TOLERANCE:
             break
-    values = shape_functions(xi)[0]
-    offset = points - np.einsum("...a,...ac->...c", values, nodes)
+    offset = d - xi[..., None] * (b + xi[..., None] * c)
     return xi, np.linalg.norm(offset, axis=-1)
 
 

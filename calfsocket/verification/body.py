@@ -135,17 +135,14 @@ class Body:
         # Rows alone: what a prescribed displacement does to its neighbours stays in the columns.
         A.zeroRows(self.held, diag=1.0)
 
-    def stability_tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Tangent of the tissues, symmetric."""
+    def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
+        """Tangent of the tissues, symmetric, and the number of pressure unknowns."""
         self._set(x)
         A.zeroEntries()
         fem_petsc.assemble_matrix_mat(A, self._tangent)
         A.assemble()
         A.zeroRowsColumns(self.held, diag=1.0)
-
-    def pressure_unknowns(self) -> int:
-        """Return the number of pressure unknowns."""
-        return int(self.V.sub(1).collapse()[0].dofmap.index_map.size_global)
+        return A, int(self.V.sub(1).collapse()[0].dofmap.index_map.size_global)
 
     def _correct(self, x: PETSc.Vec) -> None:
         """One Newton iteration more: the program's tolerance, 1e-9 N/mm, is not yet rounding."""

@@ -16,7 +16,7 @@ from calfsocket.case import Settings
 from calfsocket.errors import InputError, SolveError
 from calfsocket.meshes.data import load_sockets
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
-from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.sizing import named_size
 from calfsocket.study import all_cases
 from calfsocket.verification import limb_convergence as convergence
 from calfsocket.verification.limb_path import (
@@ -181,7 +181,7 @@ def coarsest_first(sizes: Sequence[str]) -> list[str]:
         For a size that there is not, or fewer than two.
     """
     for size in sizes:
-        mesh_size(size)
+        named_size(size)
     if len(set(sizes)) < 2:
         raise InputError(f"--size: {', '.join(sizes)}; name two mesh sizes at least")
     return [size for size in MESH_SIZES if size in sizes]

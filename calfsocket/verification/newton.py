@@ -23,7 +23,8 @@ from petsc4py import PETSc
 
 from calfsocket.contact.friction import STATUS_NAMES
 from calfsocket.model import Model
-from calfsocket.solver import DEFAULT_OPTIONS, Problem, Solver
+from calfsocket.petsc_options import DEFAULT_OPTIONS
+from calfsocket.solver import Problem, Solver
 from calfsocket.verification.report import Check
 
 FloatArray = NDArray[np.float64]
@@ -197,11 +198,8 @@ def probe_at(problem: Problem, x: PETSc.Vec, direction: FloatArray) -> Probe:
     direction : (n,)
         Away from it, zero at held unknowns. It is scaled so that |F| starts near `PROBES`.
     """
-    A, f, start, change = problem.create_matrix(), x.duplicate(), x.duplicate(), x.duplicate()
-    ksp = PETSc.KSP().create(x.getComm())
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    ksp.getPC().setType(PETSc.PC.Type.LU)
-    ksp.getPC().setFactorSolverType("mumps")
+    solver = Solver(problem)
+    f, start = x.duplicate(), solver.x
 
     def norm_at(size: float) -> float:
         start.array[:] = x.array_r + size * direction
@@ -216,10 +214,8 @@ def probe_at(problem: Problem, x: PETSc.Vec, direction: FloatArray) -> Probe:
     for probe in PROBES:
         before = norm_at(probe / per_size)
         same = np.array_equal(contact, contact_numbers(problem))
-        problem.tangent(start, A)
-        ksp.setOperators(A)
-        ksp.solve(f, change)
-        start.axpy(-1.0, change)
+        solver.factorise()
+        start.axpy(-1.0, solver.correction(f))
         problem.residual(start, f)
         after = float(f.norm())
         if same and after > TOLERANCE:

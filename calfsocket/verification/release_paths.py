@@ -10,14 +10,10 @@ A socket that is too small can be let go in more than one way, and friction reme
 All three run from load 0 to load 1 under the program's own `Stepper`.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import ufl
-from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
@@ -198,21 +194,16 @@ class ShrinkingModel(Model):
         super().__init__(*args, **keywords)
         cells = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
         self.contact.swell(np.unique(self.section.mesh.geometry.dofmap[cells]))
-        self._guide = bedding(self, [tags.SOCKET])
+        self._guide = self.bedding.x.array.copy()
 
-    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """Residual in N/mm, of the bedding too (collective)."""
-        super().residual(x, f)
-        f.axpy(GUIDE_STIFFNESS * (1.0 - self.contact.load), self._guide * x)
+    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
+        """Guide the socket."""
+        return {tags.SOCKET: GUIDE_STIFFNESS}
 
-    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Exact derivative of `residual` (collective)."""
-        super().tangent(x, A)
-        A.axpy(
-            GUIDE_STIFFNESS * (1.0 - self.contact.load),
-            self._guide,
-            PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
-        )
+    def set_unknowns(self, x: PETSc.Vec) -> None:
+        """Copy a vector into `w`, ghosts included, and let the guide fade (collective)."""
+        super().set_unknowns(x)
+        self.bedding.x.array[:] = (1.0 - self.contact.load) * self._guide
 
 
 DAMPING = 3e-5
@@ -230,34 +221,18 @@ class DampedModel(Model):
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
-        self._drag = bedding(self, list(self.section.regions))
-        self._start = self.create_vector()
+        self._drag = self.bedding.x.array.copy()
+
+    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
+        """Dashpots on everything."""
+        return dict.fromkeys(self.section.regions, DAMPING)
+
+    def set_unknowns(self, x: PETSc.Vec) -> None:
+        """Copy a vector into `w`, ghosts included, and let the drag fade (collective)."""
+        super().set_unknowns(x)
+        self.bedding.x.array[:] = (1.0 - self.contact.load) * self._drag
 
     def rest(self, x: PETSc.Vec) -> None:
         """Let the dashpots start from here, after each step (collective)."""
-        x.copy(self._start)
-
-    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """Residual in N/mm, of the dashpots too (collective)."""
-        super().residual(x, f)
-        f.axpy(DAMPING * (1.0 - self.contact.load), self._drag * (x - self._start))
-
-    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
-        """Exact derivative of `residual` (collective)."""
-        super().tangent(x, A)
-        A.axpy(
-            DAMPING * (1.0 - self.contact.load),
-            self._drag,
-            PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN,
-        )
-
-
-def bedding(model: Model, regions: Sequence[str]) -> PETSc.Mat:
-    """Matrix of the integral of u . v over regions, zero at held unknowns (collective)."""
-    section = model.section
-    dx = ufl.Measure("dx", section.mesh, subdomain_data=section.cell_tags)
-    u, v = ufl.TrialFunctions(model.V)[0], ufl.TestFunctions(model.V)[0]
-    form = ufl.inner(u, v) * dx(tuple(section.regions[name] for name in regions))
-    matrix = fem_petsc.assemble_matrix(fem.form(form), model._bcs, diagonal=0.0)
-    matrix.assemble()
-    return matrix
+        self.anchor.x.array[: len(x.array_r)] = x.array_r
+        self.anchor.x.scatter_forward()

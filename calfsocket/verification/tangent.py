@@ -217,17 +217,22 @@ Moves = dict[tuple[str, str], tuple[float, float, bool]]
 def moves_of(name: str) -> Moves:
     """Move each parameter of contact, and in the mixed state each of the laws, in a state."""
     model, x = state(KINDS[name])
-    f, g = x.duplicate(), x.duplicate()
-    A, B = model.create_matrix(), model.create_matrix()
-    model.residual(x, f)
-    model.tangent(x, A)
+    A, direction = model.create_matrix(), x.duplicate()
+    direction.array[:] = random_direction(model, x)
+
+    def both() -> tuple[PETSc.Vec, PETSc.Vec]:
+        """Return the residual, and the tangent times a direction."""
+        residual, along = x.duplicate(), x.duplicate()
+        model.residual(x, residual)
+        model.tangent(x, A)
+        A.mult(direction, along)
+        return residual, along
+
+    before = both()
 
     def change() -> tuple[float, float]:
-        model.residual(x, g)
-        model.tangent(x, B)
-        g.axpy(-1.0, f)
-        B.axpy(-1.0, A, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        return g.norm() / f.norm(), B.norm() / A.norm()
+        f, g = ((now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True))
+        return f, g
 
     moves = {}
     for parameter, counts in CONTACT_PARAMETERS.items():

@@ -1,0 +1,1 @@
+"""How fast calfsocket is: `python3 -m benchmarks` measures, prints tables and writes JSON."""

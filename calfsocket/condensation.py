@@ -1,0 +1,435 @@
+r"""The tangent with the unknowns inside each cell eliminated (static condensation).
+
+Bubbles and pressures couple to nothing outside their cell. With i for what is inside of cells and o
+for what is outside, Newton's equation K x = r becomes
+
+    (K_oo - K_oi K_ii^-1 K_io) x_o = r_o - K_oi K_ii^-1 r_i,      x_i = K_ii^-1 (r_i - K_io x_o):
+
+less than half of the unknowns for the direct solver, and an exact solution all the same. K_ii is
+5 x 5 in each cell. In a nearly incompressible cell it is close to singular, since the bubble
+does not change the cell's volume, and a constant pressure meets nothing but 1/K: there that
+constant stays outside. Contact takes the skin's traction from the whole skin cell, so that it has
+entries in K_oi, but none in K_io or K_ii.
+
+Unknowns outside have a numbering of their own, that of the index map `outside`; their held ones are
+left out. The loops over cells are in condensation.c.
+
+Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import cpp, fem, la
+from dolfinx.common import IndexMap
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket import native
+from calfsocket.contact.interface import ContactInterface
+from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
+from calfsocket.petsc_options import OPTIONS_PREFIX, defaults
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+INSIDE, OUTSIDE = 5, 13
+# Shape functions of a displacement component, filled up with zeros to whole vectors.
+LANES = 8
+_DISPLACEMENTS, _BUBBLE, _PRESSURE = slice(0, 12), slice(12, 14), slice(14, 17)
+# Unknowns of a skin point's contact, those of its cell and then of the socket's edge, that stay
+# outside, with the constant pressure in the place of the first one, and those inside.
+_KEPT = [*range(12), 14, *range(17, 23)]
+_ELIMINATED = [12, 13, 15, 16, 14]
+_C_TYPES = {
+    np.dtype(np.float64): "double[]",
+    np.dtype(np.int32): "int32_t[]",
+    np.dtype(np.int64): "int64_t[]",
+    np.dtype(np.uint8): "uint8_t[]",
+}
+
+
+TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
+
+
+def quadrature() -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) and weights (n,) of the element's quadrature on the reference triangle."""
+    points, weights = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
+    return np.asarray(points), np.asarray(weights)
+
+
+def _reference_element(V: fem.FunctionSpace) -> FloatArray:
+    """Lay out the reference element at the points of `quadrature` as condensation.c has it."""
+    points, weights = quadrature()
+    displacement, pressure = section_element().sub_elements
+    scalar = displacement.sub_elements[0]
+    (node,) = set(V.mesh.ufl_domain().ufl_coordinate_element().sub_elements)
+    table = scalar.tabulate(1, points)
+    shape, *gradient = np.pad(table, ((0, 0), (0, 0), (0, LANES - table.shape[2])))
+    vertices = pressure.tabulate(0, points)[0]
+    parts = [
+        weights,
+        np.stack(node.tabulate(1, points)[1:], axis=-1),
+        shape,
+        np.stack(gradient, axis=1),
+        np.column_stack([np.ones(len(points)), vertices[:, 1:]]),
+    ]
+    return np.concatenate([part.ravel() for part in parts])
+
+
+class _Law:
+    """Moduli of a law in its cells: the compiled expression and its coefficients."""
+
+    def __init__(self, ffi: Any, expression: fem.Expression, cells: IntArray) -> None:
+        ufcx = expression.ufcx_expression
+        self.kernel = int(ffi.cast("intptr_t", ufcx.tabulate_tensor_float64))
+        self.cells = np.ascontiguousarray(cells, dtype=np.int32)
+        functions = ufl.algorithms.extract_coefficients(expression.ufl_expression)
+        used = [
+            functions[ufcx.original_coefficient_positions[i]] for i in range(ufcx.num_coefficients)
+        ]
+        self._values = [(f.x.array, f.function_space.dofmap.list[cells]) for f in used]
+
+    def coefficients(self) -> FloatArray:
+        """Present values in each cell, one after the other; (n, k)."""
+        return np.concatenate([values[dofs] for values, dofs in self._values], axis=1)
+
+
+class CondensedTangent:
+    """Tangent of a section with contact: PETSc's matrix, and its factorisation as preconditioner.
+
+    Parameters
+    ----------
+    V : fem.FunctionSpace
+        Mixed space of `forms.element.section_element`.
+    moduli : sequence of (fem.Expression, (n,) int)
+        Tangent moduli of `forms.mixed.moduli` at the points of `quadrature`, and the owned cells
+        that have them: each cell once.
+    held : (n,) bool
+        Markers of held local unknowns, ghosts included.
+    keeps_constant : (m,) bool
+        Local cells, ghosts included, whose constant pressure stays outside.
+    contact : ContactInterface
+        The contact pair.
+
+    Attributes
+    ----------
+    matrix : PETSc.Mat
+        The condensed matrix over the unknowns outside.
+    inverse : (m, 5, 5)
+        K_ii^-1 of the owned cells; in the order bubble, pressure differences, constant pressure.
+    coupling : (m, 5, 13)
+        K_ii^-1 K_io.
+    ksp : PETSc.KSP
+        Solver of the condensed matrix.
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        moduli: Sequence[tuple[fem.Expression, IntArray]],
+        held: NDArray[np.bool_],
+        keeps_constant: NDArray[np.bool_],
+        contact: ContactInterface,
+    ) -> None:
+        self._comm = V.mesh.comm
+        self._contact = contact
+        module = native.library(self._comm)
+        self._c, self._ffi = module.lib, module.ffi
+        self._laws = [_Law(self._ffi, expression, cells) for expression, cells in moduli]
+        self._element = _reference_element(V)
+        cells = V.mesh.topology.index_map(2)
+        self._geometry = V.mesh.geometry
+        dofs = V.dofmap.list
+        p0, *others = dofs[:, _PRESSURE].T
+        self._inside = np.ascontiguousarray(
+            np.column_stack([dofs[:, _BUBBLE], *others, p0])[: cells.size_local]
+        )
+        self._keeps_constant = keeps_constant[: cells.size_local].astype(np.uint8)
+        self._number_outside(V, held, keeps_constant)
+        self.ksp = PETSc.KSP().create(self._comm)
+        self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
+        with defaults():
+            self.ksp.setFromOptions()
+        self.inverse = np.zeros((cells.size_local, INSIDE, INSIDE))
+        self.coupling = np.zeros((cells.size_local, INSIDE, OUTSIDE))
+        self._lay_out()
+        self._assembled = False
+        self._b, self._x = self.matrix.createVecs()
+
+    # -- numbering and pattern ------------------------------------------------------------------
+
+    def _number_outside(
+        self,
+        V: fem.FunctionSpace,
+        held: NDArray[np.bool_],
+        keeps_constant: NDArray[np.bool_],
+    ) -> None:
+        index_map = V.dofmap.index_map
+        dofs = V.dofmap.list
+        is_outside = np.zeros(len(held), dtype=bool)
+        is_outside[dofs[:, _DISPLACEMENTS]] = True
+        is_outside[held] = False
+        is_outside[dofs[keeps_constant, _PRESSURE][:, 0]] = True
+        self._dofs = np.flatnonzero(is_outside[: index_map.size_local])
+        first = self._comm.exscan(len(self._dofs)) or 0
+        numbers = la.vector(index_map, dtype=np.int64)
+        numbers.array[:] = -1
+        numbers.array[self._dofs] = first + np.arange(len(self._dofs))
+        numbers.scatter_forward()
+        owner = np.full(len(held), self._comm.rank)
+        owner[index_map.size_local :] = index_map.owners
+        # The socket's face is a neighbour of all skin, wherever it is owned.
+        face = self._contact.socket.dofs
+        socket = self._contact.along_socket(numbers.array[face])
+        ghosts = np.concatenate([numbers.array[index_map.size_local :], socket.ravel()])
+        owners = np.concatenate(
+            [owner[index_map.size_local :], self._contact.along_socket(owner[face]).ravel()]
+        )
+        elsewhere = (ghosts >= 0) & (owners != self._comm.rank)
+        ghosts, once = np.unique(ghosts[elsewhere], return_index=True)
+        self.outside = IndexMap(
+            self._comm, len(self._dofs), ghosts, owners[elsewhere][once].astype(np.int32)
+        )
+        self._vector = la.vector(self.outside)
+        n_cells = len(self._inside)
+        constant = np.where(keeps_constant[:n_cells], dofs[:n_cells, _PRESSURE][:, 0], -1)
+        of_cells = np.column_stack([dofs[:n_cells, _DISPLACEMENTS], constant])
+        self._numbers = self._local(np.where(of_cells < 0, -1, numbers.array[of_cells]))
+        skin = self._contact.skin.entities[:, 0]
+        self._skin_cells = np.repeat(skin, self._contact.parameters.gauss_points)
+        self._socket_numbers = self._local(socket)
+
+    def _local(self, numbers: NDArray[np.int64]) -> IntArray:
+        """Local numbers outside of global ones; -1 remains."""
+        there = numbers >= 0
+        local = np.full(numbers.shape, -1, dtype=np.int32)
+        local[there] = self.outside.global_to_local(numbers[there])
+        return local
+
+    def _lay_out(self) -> None:
+        """Lay the pattern out for the cells and for the contact that lies ahead (collective)."""
+        pattern = cpp.la.SparsityPattern(self._comm, [self.outside, self.outside], [1, 1])
+        for numbers in self._numbers:
+            there = numbers[numbers >= 0]
+            pattern.insert(there, there)
+        ahead = self._contact.edges_ahead()
+        for numbers in self._socket_numbers[np.unique(ahead)]:  # that another rank may own
+            there = numbers[numbers >= 0]
+            pattern.insert(there, there)
+        n_points = self._contact.parameters.gauss_points
+        for cell, edges in zip(self._skin_cells[::n_points], ahead, strict=True):
+            skin = self._numbers[cell]
+            socket = np.unique(self._socket_numbers[edges])
+            skin, socket = skin[skin >= 0], socket[socket >= 0]
+            pattern.insert(skin, socket)
+            pattern.insert(socket, skin)
+        pattern.finalize()
+        self.ksp.reset()
+        self._csr = la.matrix_csr(pattern)
+        self._starts = np.asarray(self._csr.indptr, dtype=np.int64)
+        self._columns = np.asarray(self._csr.indices, dtype=np.int32)
+        self._positions = np.empty((len(self._numbers), OUTSIDE, OUTSIDE), dtype=np.int32)
+        self._c.locate(
+            len(self._numbers),
+            OUTSIDE,
+            self._pointer(self._numbers),
+            self._pointer(self._starts),
+            self._pointer(self._columns),
+            self._pointer(self._positions),
+        )
+        rows = self.outside.size_local
+        end = self._starts[rows]
+        starts = self._starts[: rows + 1].astype(PETSc.IntType)
+        if self._comm.size == 1:
+            # PETSc looks at the values where they are.
+            self.matrix = PETSc.Mat().createAIJWithArrays(
+                (rows, rows), (starts, self._columns, self._csr.data), comm=self._comm
+            )
+            return
+        columns = pattern.column_index_map().local_to_global(self._columns[:end])
+        self._owned = starts, columns.astype(PETSc.IntType), end
+        size = (rows, self.outside.size_global)
+        self.matrix = PETSc.Mat().createAIJ((size, size), comm=self._comm)
+        self.matrix.setPreallocationCSR((starts, self._owned[1], self._csr.data[:end]))
+
+    # -- assembly -------------------------------------------------------------------------------
+
+    def assemble(self, blocks: FloatArray, edge: NDArray[np.int64]) -> None:
+        """Tissues at their present unknowns, and contact (collective).
+
+        Parameters
+        ----------
+        blocks : (n, k + 6, k + 6)
+            Contact tangent of each skin point, as of `nitsche.tangent`.
+        edge : (n,)
+            Edge of the socket that each point is at.
+        """
+        self._csr.data[:] = 0.0
+        self._add_tissues()
+        numbers = np.concatenate(
+            [self._numbers[self._skin_cells], self._socket_numbers[edge]], axis=1
+        )
+        rows = blocks[:, _KEPT]
+        inside = rows[:, :, _ELIMINATED]
+        # The constant pressure has its part in all three at the vertices.
+        inside[:, :, -1] += inside[:, :, 2] + inside[:, :, 3]
+        outside = np.ascontiguousarray(rows[:, :, _KEPT])
+        outside[:, :, OUTSIDE - 1] = inside[:, :, -1]
+        outside[:, :, :OUTSIDE] -= inside @ self.coupling[self._skin_cells]
+        if self._comm.allreduce(self._add_contact(numbers, outside)):
+            # The limb slid farther than was thought of.
+            self._lay_out()
+            self._add_tissues()
+            self._add_contact(numbers, outside)
+        self._contact_numbers, self._contact_inside = numbers, inside
+        if self._comm.size > 1:
+            self._csr.scatter_reverse()
+            starts, columns, end = self._owned
+            self.matrix.setValuesCSR(starts, columns, self._csr.data[:end])
+        self.matrix.assemble()
+        self._assembled = True
+
+    def _add_tissues(self) -> None:
+        with TISSUE_TANGENT:
+            for law in self._laws:
+                self._add_law(law)
+
+    def _add_law(self, law: _Law) -> None:
+        coefficients = law.coefficients()
+        self._c.add_cells(
+            law.kernel,
+            self._pointer(self._element),
+            len(law.cells),
+            self._pointer(law.cells),
+            self._pointer(coefficients),
+            coefficients.shape[1],
+            self._pointer(self._geometry.x),
+            self._pointer(self._geometry.dofmap),
+            self._pointer(self._keeps_constant),
+            self._pointer(self._positions),
+            self._pointer(self.inverse),
+            self._pointer(self.coupling),
+            self._pointer(self._csr.data),
+        )
+
+    def _add_contact(self, numbers: IntArray, outside: FloatArray) -> int:
+        """Add contact to the matrix; return how many entries its pattern lacks."""
+        return int(
+            self._c.add_blocks(
+                len(numbers),
+                numbers.shape[1],
+                self._pointer(numbers),
+                self._pointer(outside),
+                self._pointer(self._starts),
+                self._pointer(self._columns),
+                self._pointer(self._csr.data),
+            )
+        )
+
+    def negative_inside(self) -> int:
+        """Count the negative eigenvalues of K_ii, of all cells (collective)."""
+        mine = int(np.count_nonzero(np.linalg.eigvalsh(self._invertible()) < 0.0))
+        return int(self._comm.allreduce(mine))
+
+    # -- PETSc's matrix -------------------------------------------------------------------------
+
+    def mult(self, _matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Tangent times x (collective).
+
+        With S the condensed matrix and z = x_i + K_ii^-1 K_io x_o in each cell,
+
+            y_o = S x_o + K_oi z,      y_i = K_ii z.
+        """
+        n_owned = len(self._dofs)
+        v, values = x.array_r, self._vector.array
+        self._b.array[:] = v[self._dofs]
+        self.matrix.mult(self._b, self._x)
+        values[:n_owned] = v[self._dofs]
+        self._vector.scatter_forward()
+        there = self._numbers >= 0
+        z = v[self._inside]
+        z[:, 2:4] -= z[:, 4:]  # pressure differences
+        z[there[:, -1], 4] = 0.0  # a constant pressure that is outside
+        z += np.einsum("cio,co->ci", self.coupling, np.where(there, values[self._numbers], 0.0))
+        inside = np.linalg.solve(self._invertible(), z[:, :, None])[:, :, 0]
+        outside = np.einsum("cio,ci->co", self.coupling, inside)
+        values[:] = 0.0
+        values[:n_owned] = self._x.array_r
+        np.add.at(values, self._numbers[there], outside[there])
+        self._add_contact_inside(1.0, z[self._skin_cells], values)
+        self._vector.scatter_reverse(la.InsertMode.add)
+        x.copy(y)  # for the held unknowns
+        y.array[self._dofs] = values[:n_owned]
+        inside[there[:, -1], 4] = values[self._numbers[there[:, -1], -1]]
+        inside[:, 4] -= inside[:, 2] + inside[:, 3]
+        y.array[self._inside] = inside
+
+    def _invertible(self) -> FloatArray:
+        """K_ii^-1 with 1 in the place of a constant pressure that is outside."""
+        blocks = self.inverse.copy()
+        blocks[self._keeps_constant.astype(bool), -1, -1] = 1.0
+        return blocks
+
+    # -- PETSc's preconditioner -----------------------------------------------------------------
+
+    def setUp(self, _pc: PETSc.PC) -> None:
+        """Factorise the condensed matrix (collective)."""
+        if not self._assembled:  # PETSc sets up before it asks for the first tangent
+            return
+        self.ksp.setOperators(self.matrix)
+        with defaults():  # MUMPS asks for its options when it first sees the matrix
+            self.ksp.setUp()
+
+    def apply(self, _pc: PETSc.PC, residual: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Solve with the factorised tangent; held unknowns are those of the residual."""
+        r, values = residual.array_r, self._vector.array
+        values[:] = 0.0
+        values[: len(self._dofs)] = r[self._dofs]
+        self._c.forward(
+            len(self._inside),
+            self._pointer(r),
+            self._pointer(self._inside),
+            self._pointer(self._numbers),
+            self._pointer(self.coupling),
+            self._pointer(values),
+        )
+        self._add_contact_inside(-1.0, self._alone(r), values)
+        self._vector.scatter_reverse(la.InsertMode.add)
+        self._b.array[:] = values[: len(self._dofs)]
+        self.ksp.solve(self._b, self._x)
+        values[: len(self._dofs)] = self._x.array_r
+        self._vector.scatter_forward()
+        residual.copy(solution)
+        x = solution.array
+        x[self._dofs] = values[: len(self._dofs)]
+        self._c.backward(
+            len(self._inside),
+            self._pointer(r),
+            self._pointer(self._inside),
+            self._pointer(self._numbers),
+            self._pointer(self.inverse),
+            self._pointer(self.coupling),
+            self._pointer(values),
+            self._pointer(x),
+        )
+
+    def _alone(self, r: FloatArray) -> FloatArray:
+        """K_ii^-1 r_i in the cell of each skin point; (n, 5)."""
+        inside = r[self._inside[self._skin_cells]]
+        inside[:, 4] += inside[:, 2] + inside[:, 3]  # what a constant pressure meets
+        return np.einsum("nij,nj->ni", self.inverse[self._skin_cells], inside)
+
+    def _add_contact_inside(self, factor: float, inside: FloatArray, values: FloatArray) -> None:
+        """Add factor K_oi x_i of contact alone."""
+        change = factor * np.einsum("noi,ni->no", self._contact_inside, inside)
+        there = self._contact_numbers >= 0
+        np.add.at(values, self._contact_numbers[there], change[there])
+
+    def _pointer(self, array: NDArray[Any]) -> Any:
+        """Address of a contiguous array for C, with its type checked there."""
+        assert array.flags.c_contiguous
+        return self._ffi.from_buffer(_C_TYPES[array.dtype], array)

@@ -1,0 +1,177 @@
+"""The condensed tangent against the assembled one: same product, same solution, same inertia."""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from calfsocket import condensation
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.forms import mixed
+from calfsocket.laws import Hencky
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import LARGEST_BULK_RATIO, SUPPORT_STIFFNESS, Model
+from calfsocket.solver import Solver
+from calfsocket.tissues import material_set
+
+LAYERS = [
+    ("bone", 10.0, 14.0),
+    ("muscle", 14.0, 29.0),
+    ("fascia", 29.0, 30.0),
+    ("fat", 30.0, 31.0),
+    ("skin", 31.0, 32.0),
+]
+SEPARATE = material_set("separate")
+
+
+def ring(h=4.0, **settings):
+    section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
+    return Model(section, {name: SEPARATE[name] for name in section.regions}, **settings)
+
+
+def state(model, size=1e-3, seed=3):
+    """A state that is no equilibrium, its tangent, and its solver."""
+    solver = Solver(model)
+    x = solver.x
+    x.array[:] = size * np.random.default_rng(seed).normal(size=x.getLocalSize())
+    x.array[model.held] = 0.0
+    model.contact.load = 0.5
+    solver.factorise()
+    return solver
+
+
+def assembled(model):
+    """The tissues' tangent by dolfinx, from the same weak form that has the residual."""
+    dx = mixed.volume_measure(model.section.mesh, model.law_tags)
+    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields, dx)))
+    A.assemble()
+    A.zeroRowsColumns(model.held.astype(PETSc.IntType), diag=1.0)
+    return A
+
+
+def without_contact(model):
+    """Take contact out of the tangent."""
+    tangent = model.contact.tangent
+    model.contact.tangent = lambda: (0.0 * tangent()[0], tangent()[1])
+
+
+def random_vector(solver, seed=1):
+    v = solver.x.duplicate()
+    v.array[:] = np.random.default_rng(seed).normal(size=v.getLocalSize())
+    return v
+
+
+def product(solver, v):
+    out = v.duplicate()
+    solver._A.mult(v, out)
+    return out
+
+
+def test_product_is_that_of_the_assembled_form():
+    model = ring()
+    without_contact(model)
+    solver = state(model)
+    v = random_vector(solver)
+    expected = assembled(model) * v
+    assert (product(solver, v) - expected).norm() < 1e-13 * expected.norm()
+
+
+def test_solution_is_that_of_the_assembled_form():
+    model = ring(socket_support="outer-fixed")  # without contact nothing else holds it
+    without_contact(model)
+    solver = state(model)
+    v = random_vector(solver)
+    assert (solver.correction(assembled(model) * v) - v).norm() < 1e-9 * v.norm()
+
+
+@pytest.mark.parametrize("fric_coeff", [0.0, 0.4])
+def test_solution_undoes_the_product_with_contact(fric_coeff):
+    solver = state(ring(contact=ContactParameters(fric_coeff=fric_coeff)))
+    v = random_vector(solver)
+    assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
+
+
+def test_bedding_is_in_the_product():
+    """Of a floating, frictionless socket; K(bedding) - K = bedding times the mass matrix."""
+    with_bedding = ring(contact=ContactParameters(fric_coeff=0.0))
+    without = ring(contact=ContactParameters(fric_coeff=0.0))
+    without.bedding.x.array[:] = 0.0
+    with_bedding.bedding.x.array[:] *= 1e5  # to be seen beside PETG
+    solvers = [state(model) for model in (with_bedding, without)]
+    one = solvers[0].x.duplicate()
+    shift, parent = with_bedding.V.sub(0).sub(0).collapse()
+    ones = fem.Function(shift)
+    ones.interpolate(lambda x: np.ones(x.shape[1]))
+    one.array[np.asarray(parent)] = ones.x.array
+    force = (product(solvers[0], one) - product(solvers[1], one)).array
+    dx = ufl.Measure("dx", with_bedding.section.mesh, subdomain_data=with_bedding.section.cell_tags)
+    area = fem.assemble_scalar(fem.form(1.0 * dx(with_bedding.section.regions["socket"])))
+    total = force[np.asarray(parent)] @ ones.x.array
+    assert total == pytest.approx(1e5 * SUPPORT_STIFFNESS * area, rel=1e-6)
+
+
+def test_a_constant_pressure_stays_outside_only_where_volume_is_stiff():
+    model = ring()
+    fascia = model.section.cell_tags.find(model.section.regions["fascia"])
+    kept = np.flatnonzero(model._keeps_constant())
+    np.testing.assert_array_equal(kept, np.sort(fascia))
+    # Just under and over the bound: nu of K/mu = 2 (1 + nu) / (3 (1 - 2 nu)).
+    for ratio, outside in ((0.99 * LARGEST_BULK_RATIO, False), (1.01 * LARGEST_BULK_RATIO, True)):
+        nu = (3 * ratio - 2) / (6 * ratio + 2)
+        laws = {name: SEPARATE[name] for name in model.section.regions}
+        stiff = Model(model.section, laws | {"muscle": Hencky(e=0.05, nu=nu)})
+        muscle = model.section.cell_tags.find(model.section.regions["muscle"])
+        assert np.all(stiff._keeps_constant()[muscle] == outside)
+
+
+def test_condensed_inertia_counts_as_the_whole_does():
+    """Sylvester: negative eigenvalues of the whole are those inside and those of the rest."""
+    model = ring(h=6.0, socket_support="outer-fixed")
+    without_contact(model)
+    solver = state(model)
+    model.contact.constraint_tangent = model.contact.tangent
+    whole = assembled(model)
+    n = whole.getSize()[0]
+    eigenvalues = np.linalg.eigvalsh(whole.getValues(range(n), range(n)))
+    pressures = 3 * model.section.mesh.topology.index_map(2).size_global
+    assert solver.negative_modes() == np.count_nonzero(eigenvalues < 0) - pressures
+
+
+def test_the_pattern_follows_a_limb_that_slides_far():
+    """A third of the way round, the skin meets edges that the pattern was not laid out for."""
+    model = ring()
+    solver = state(model)
+    before = solver._A.getPythonContext().matrix
+    tangent = model.contact.tangent
+    edges = len(model.contact.chain.start)
+    turned = (tangent()[1] + edges // 3) % edges
+    ahead = model.contact.edges_ahead
+    model.contact.tangent = lambda: (tangent()[0], turned)
+    model.contact.edges_ahead = lambda: (ahead() + edges // 3) % edges
+    solver.factorise()
+    after = solver._A.getPythonContext().matrix
+    assert after.handle != before.handle
+    v = random_vector(solver)
+    assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
+
+
+def test_options_of_petsc_reach_the_factorisation():
+    options = PETSc.Options()
+    options["calfsocket_mat_mumps_icntl_14"] = 123
+    try:
+        solver = state(ring())
+    finally:
+        del options["calfsocket_mat_mumps_icntl_14"]
+    factor = solver._A.getPythonContext().ksp.getPC().getFactorMatrix()
+    assert factor.getMumpsIcntl(14) == 123
+    assert factor.getMumpsIcntl(8) == 0
+    assert not PETSc.Options("calfsocket_").hasName("mat_mumps_icntl_8")
+
+
+def test_quadrature_has_as_many_points_as_the_loops_in_c():
+    points, weights = condensation.quadrature()
+    assert points.shape == (6, 2)
+    assert weights.sum() == pytest.approx(0.5)
