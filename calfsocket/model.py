@@ -81,6 +81,8 @@ class Model:
         How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
     """
 
+    bedding: fem.Function
+    anchor: fem.Function
     interface: ClassVar[type[ContactInterface]] = ContactInterface
 
     def __init__(
@@ -98,14 +100,14 @@ class Model:
         self.V = fem.functionspace(domain, section_element())
         self.w = fem.Function(self.V, name="displacement_and_pressure")
         laws = {section.regions[name]: law for name, law in region_laws.items()}
-        self.bedding: fem.Function | None = None
         self.fields = law_fields(domain, section.cell_tags, laws)
         self.law_tags = law_tags(domain, section.cell_tags, laws)
         dx = mixed.volume_measure(domain, self.law_tags)
         residual = mixed.residual(self.w, self.fields, dx)
         frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
         stiffness = self.bedding_stiffness(frictionless)
-        if stiffness:
+        self._has_bedding = bool(stiffness)
+        if self._has_bedding:
             self.bedding = self._by_region(stiffness)
             self.anchor = fem.Function(self.V)
             u, anchor = ufl.split(self.w)[0], ufl.split(self.anchor)[0]
@@ -179,7 +181,7 @@ class Model:
         found = []
         for law, tag in mixed.LAW_IDS.items():
             expression = fem.Expression(
-                mixed.moduli(law, F, p, self.fields, 0.0 if self.bedding is None else self.bedding),
+                mixed.moduli(law, F, p, self.fields, self.bedding if self._has_bedding else 0.0),
                 quadrature()[0],
                 comm=self.comm,
                 jit_options=COMPILER_OPTIONS,
