@@ -21,7 +21,7 @@ from typing import Any
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "reliability.md"
 
-SUBJECTS = ("test_bad_input", "test_bad_outlines", "test_faults")
+SUBJECTS = ("test_bad_input", "test_bad_outlines", "test_faults", "test_mpi_faults")
 
 HEADER = """\
 # What was tried against it
