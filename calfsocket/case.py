@@ -162,6 +162,7 @@ class Run:
     ) -> None:
         self.case = case
         self.seconds: dict[str, float] = {}
+        self._inside = 0.0  # wall time of phases inside the present one
         self.failure = ""
         with self.phase("mesh"):
             section = section_mesh(comm, limb, socket, mesh_size(settings.size))
@@ -236,10 +237,12 @@ class Run:
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Add the wall time of the body to a phase."""
-        start = time.perf_counter()
+        """Add the wall time of the body to a phase, without that of phases inside it."""
+        start, outside = time.perf_counter(), self._inside
+        self._inside = 0.0
         try:
             yield
         finally:
             elapsed = time.perf_counter() - start
-            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed
+            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - self._inside
+            self._inside = outside + elapsed

@@ -2,11 +2,18 @@
 
 import fcntl
 
+import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
 from calfsocket import compilation, tissues
+from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.gather import contact_line, section_fields
 from calfsocket.laws import Ogden, ogden_terms
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.model import Model
+
+LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 29.0), ("fascia", 29.0, 30.0), ("skin", 30, 32.0)]
 
 
 def test_forms_are_compiled_once_for_each_number_of_terms(monkeypatch, tmp_path):
@@ -38,3 +45,28 @@ def test_only_what_a_dead_process_left_half_compiled_is_thrown_away(
         assert not (tmp_path / "marker.c.cached").exists()
         with pytest.raises(BlockingIOError):  # we live: nobody else is alone
             fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_another_model_compiles_nothing(monkeypatch):
+    """Another mesh, other laws of the same kinds and other parameters use the same compiled forms.
+
+    UFL numbers what it makes through the process; none of that may get into a form's name.
+    """
+
+    def use(material_set, friction, h):
+        section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
+        laws = tissues.material_set(material_set, fascia_c10="tables" if h > 4 else "printed")
+        regions = {name: laws[name] for name in section.regions}
+        model = Model(section, regions, ContactParameters(fric_coeff=friction))
+        model.create_matrix()
+        section_fields(model, {name: name for name in section.regions})
+        contact_line(model)
+
+    use("separate", 0.4, 4.0)
+    compiled = []
+    monkeypatch.setattr(
+        ffcx.codegeneration.jit, "_compile_objects", lambda *args, **_: compiled.append(args)
+    )
+    use("separate", 0.3, 5.0)
+    use("combined", 0.4, 4.0)
+    assert not compiled

@@ -178,3 +178,19 @@ def test_a_run_of_some_cases_repeats_those(tmp_path):
     repeated = to_study(again, again.plan())
     assert repeated.cases == study.cases and repeated.known == study.known
     assert repeated.inputs() == study.inputs()
+
+
+def test_a_folder_of_results_is_gone_on_with_where_it_is(results, tmp_path, capsys):
+    """`run --resume DIR`: what is solved stays as it is, to the byte; what is missing is solved."""
+    out = tmp_path / "results"
+    shutil.copytree(results, out)
+    before = {path: path.read_bytes() for path in out.rglob("*.csv")}
+    assert cli.main(["run", "--resume", str(out), "--no-report"]) == 0
+    assert {path: path.read_bytes() for path in out.rglob("*.csv")} == before
+    assert set(tmp_path.iterdir()) == {out}
+    (out / NAME / "fields.vtu").unlink()
+    assert cli.main(["run", "--resume", str(out), "--no-report", "--no-pictures"]) == 0
+    assert (out / NAME / "fields.vtu").exists()
+    for path, content in before.items():
+        if path.name != "steps.csv":  # has seconds
+            assert path.read_bytes() == content, path

@@ -274,5 +274,7 @@ def test_fields_on_several_ranks(ranks: int, mpirun) -> None:
         test_fields_on_the_mesh,
     )
     names = [f"{__file__}::{test.__name__}" for test in on_cells]
-    output = mpirun(ranks, ["-m", "pytest", "-q", "-p", "no:cacheprovider", *names], timeout=120)
+    output = mpirun(
+        ranks, ["-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *names], timeout=120
+    )
     assert output.count(f"{len(on_cells)} passed") == ranks

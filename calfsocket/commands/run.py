@@ -25,25 +25,32 @@ examples:
   python3 -m calfsocket check my-study.toml
   mpirun -n 2 python3 -m calfsocket run my-study.toml
   python3 -m calfsocket run results/run.json --out again
+  python3 -m calfsocket run --resume results/            go on with an interrupted study
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="study file, or a run.json")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="study file, a run.json or the folder of one"
+    )
     add_running(parser, None)
 
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Solve it."""
+    from calfsocket.ledger import RUN_FILE
     from calfsocket.studyfile.build import to_study
     from calfsocket.studyfile.reading import read_study
 
     check_ranks(comm, arguments.ranks_per_case)
 
     def read() -> "tuple[Study, Mapping[str, str]]":
-        file = read_study(arguments.file)
-        study = to_study(file, file.plan(), arguments.out, not arguments.no_pictures)
+        path, out = arguments.file, arguments.out
+        if path.is_dir():  # of results, which is where they go again
+            path, out = path / RUN_FILE, out or path
+        file = read_study(path)
+        study = to_study(file, file.plan(), out, not arguments.no_pictures)
         return study, file.petsc_options
 
     study, petsc_options = on_first_rank(comm, read)

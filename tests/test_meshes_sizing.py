@@ -1,0 +1,73 @@
+"""Mesh sizes by name and by number of triangles."""
+
+from dataclasses import astuple, replace
+
+import pytest
+
+from calfsocket.errors import InputError
+from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.section import build
+from calfsocket.meshes.sizing import (
+    COUNT_TOLERANCE,
+    FEWEST_TRIANGLES,
+    MOST_TRIANGLES,
+    SIZES,
+    TRIALS,
+    mesh_size,
+    named_size,
+)
+
+
+def test_a_number_has_the_shape_of_paper():
+    size = mesh_size("12000")
+    assert size == replace(SIZES["paper"], name="12000", triangles=12000)
+
+
+@pytest.mark.parametrize("name", [str(FEWEST_TRIANGLES - 1), str(MOST_TRIANGLES + 1), "0"])
+def test_numbers_out_of_range_are_refused(name):
+    with pytest.raises(InputError, match=f"{name} triangles; give {FEWEST_TRIANGLES} to"):
+        mesh_size(name)
+
+
+@pytest.mark.parametrize("name", ["papier", "-9000", "1e4", "9000.0", "٩٠٠٠", ""])
+def test_other_names_are_refused(name):
+    with pytest.raises(InputError, match="or a number of triangles"):
+        mesh_size(name)
+
+
+def test_where_sizes_are_compared_they_have_names():
+    assert named_size("medium") is SIZES["medium"]
+    with pytest.raises(InputError, match="no mesh size '9000'"):
+        named_size("9000")
+
+
+def test_scaling_changes_every_length():
+    twice = mesh_size("12000").scaled(2.0)
+    assert twice.triangles is None
+    for before, after in zip(astuple(SIZES["paper"])[1:-1], astuple(twice)[1:-1], strict=True):
+        assert after == 2.0 * before
+
+
+@pytest.mark.parametrize("wanted", [7000, 15_000, 32_000, 200_000])
+@pytest.mark.parametrize(("floor", "power"), [(0, 2.0), (2000, 1.7), (0, 2.4)])
+def test_the_number_is_met(wanted, floor, power):
+    """Meshes with a law of their own between factor and triangles."""
+    asked = []
+
+    def count(size):
+        factor = size.largest / SIZES["paper"].largest
+        asked.append(factor)
+        return int(floor + 30_000 * factor**-power)
+
+    size = replace(SIZES["paper"], triangles=wanted).for_triangles(count)
+    assert len(asked) <= TRIALS + 1
+    assert count(size) == pytest.approx(wanted, rel=COUNT_TOLERANCE)
+
+
+def test_a_size_that_is_final_asks_for_nothing():
+    assert SIZES["coarse"].for_triangles(lambda _: pytest.fail("no trial")) is SIZES["coarse"]
+
+
+def test_a_section_has_about_so_many_triangles():
+    mesh = build(load_limb(), load_sockets().socket("TSB"), mesh_size("9000"))
+    assert len(mesh.cells) == pytest.approx(9000, rel=2 * COUNT_TOLERANCE)
