@@ -1,0 +1,62 @@
+"""Full steps first, and a line search where they fail: on an equation with both in its range."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from calfsocket.solver import Solver
+
+FULL_STEPS_FAIL = 3.0  # Newton's full steps on atan(x) run away from |x| > 1.392
+
+
+class Arctangent:
+    """atan(x) = 0."""
+
+    def create_vector(self):
+        return PETSc.Vec().createSeq(1)
+
+    def create_matrix(self):
+        return PETSc.Mat().createAIJ((1, 1), csr=([0, 1], [0], [1.0]))
+
+    def residual(self, x, f):
+        f.array[:] = np.arctan(x.array_r)
+
+    def tangent(self, x, A):
+        with np.errstate(over="ignore"):  # where it runs away
+            A.setValue(0, 0, 1.0 / (1.0 + x.array_r[0] ** 2))
+        A.assemble()
+
+
+def solve(start, full_steps_first):
+    norms = []
+    solver = Solver(Arctangent(), lambda k, norm: norms.append((k, norm)), full_steps_first)
+    solver.x.array[:] = start
+    result = solver.solve()
+    return result, norms, solver.x.array_r[0]
+
+
+@pytest.mark.parametrize("full_steps_first", [False, True])
+def test_it_is_solved_from_far_away(full_steps_first):
+    result, norms, x = solve(FULL_STEPS_FAIL, full_steps_first)
+    assert result.converged and abs(x) < 1e-9
+    # The search begins where the full steps began, and tells of its own way alone.
+    assert result.history[0] == pytest.approx(np.arctan(FULL_STEPS_FAIL))
+    assert [k for k, _ in norms].count(0) == (2 if full_steps_first else 1)
+    assert result.iterations == sum(k > 0 for k, _ in norms)
+
+
+def test_near_by_one_attempt_is_enough():
+    result, norms, _ = solve(1.0, full_steps_first=True)
+    assert result.converged
+    assert [k for k, _ in norms].count(0) == 1
+
+
+def test_a_line_search_of_the_users_is_the_only_one():
+    options = PETSc.Options()
+    options["calfsocket_snes_linesearch_type"] = "basic"
+    try:
+        result, norms, _ = solve(FULL_STEPS_FAIL, full_steps_first=True)
+    finally:
+        del options["calfsocket_snes_linesearch_type"]
+    assert not result.converged
+    assert [k for k, _ in norms].count(0) == 1
