@@ -220,10 +220,6 @@ void add_cells(intptr_t law, const double *element, int n, const int32_t *cells,
         tabulate(&moduli[0][0], coefficients + (size_t)i * n_coefficients, 0, &coordinates[0][0],
                  0, 0);
         element_tangent(at, coordinates, moduli, A);
-        for (int j = 0; j < DISPLACEMENTS; ++j)
-            if (position[j * OUTSIDE + j] < 0) /* held */
-                for (int k = 0; k < ELEMENT; ++k)
-                    A[j][k] = A[k][j] = 0.0;
         eliminate(A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
                   coupling + (size_t)cell * INSIDE * OUTSIDE, S);
         int n_outside = keeps_constant[cell] ? OUTSIDE : DISPLACEMENTS;
