@@ -21,7 +21,7 @@ def test_a_process_is_timed_and_its_first_iteration_is_the_studys():
     seconds, first, memory = measure.process([sys.executable, "-c", program])
     assert first is not None
     assert 0.3 < first < seconds - 0.25
-    assert 1 < memory < 1000
+    assert memory > 1
 
 
 def test_a_process_that_fails_is_told_with_its_words():
