@@ -20,25 +20,21 @@ Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
 from collections.abc import Sequence
 from typing import Any
 
-import basix
 import numpy as np
-import ufl
 from dolfinx import cpp, fem, la
 from dolfinx.common import IndexMap
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket import native
+from calfsocket.cells import CellLaw, reference_element
 from calfsocket.contact.interface import ContactInterface
-from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
 from calfsocket.petsc_options import OPTIONS_PREFIX, defaults
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 INSIDE, OUTSIDE = 5, 13
-# Shape functions of a displacement component, filled up with zeros to whole vectors.
-LANES = 8
 _DISPLACEMENTS, _BUBBLE, _PRESSURE = slice(0, 12), slice(12, 14), slice(14, 17)
 # Unknowns of a skin point's contact, those of its cell and then of the socket's edge, that stay
 # outside, with the constant pressure in the place of the first one, and those inside.
@@ -55,49 +51,6 @@ _C_TYPES = {
 TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
 
 
-def quadrature() -> tuple[FloatArray, FloatArray]:
-    """Points (n, 2) and weights (n,) of the element's quadrature on the reference triangle."""
-    points, weights = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
-    return np.asarray(points), np.asarray(weights)
-
-
-def _reference_element(V: fem.FunctionSpace) -> FloatArray:
-    """Lay out the reference element at the points of `quadrature` as condensation.c has it."""
-    points, weights = quadrature()
-    displacement, pressure = section_element().sub_elements
-    scalar = displacement.sub_elements[0]
-    (node,) = set(V.mesh.ufl_domain().ufl_coordinate_element().sub_elements)
-    table = scalar.tabulate(1, points)
-    shape, *gradient = np.pad(table, ((0, 0), (0, 0), (0, LANES - table.shape[2])))
-    vertices = pressure.tabulate(0, points)[0]
-    parts = [
-        weights,
-        np.stack(node.tabulate(1, points)[1:], axis=-1),
-        shape,
-        np.stack(gradient, axis=1),
-        np.column_stack([np.ones(len(points)), vertices[:, 1:]]),
-    ]
-    return np.concatenate([part.ravel() for part in parts])
-
-
-class _Law:
-    """Moduli of a law in its cells: the compiled expression and its coefficients."""
-
-    def __init__(self, ffi: Any, expression: fem.Expression, cells: IntArray) -> None:
-        ufcx = expression.ufcx_expression
-        self.kernel = int(ffi.cast("intptr_t", ufcx.tabulate_tensor_float64))
-        self.cells = np.ascontiguousarray(cells, dtype=np.int32)
-        functions = ufl.algorithms.extract_coefficients(expression.ufl_expression)
-        used = [
-            functions[ufcx.original_coefficient_positions[i]] for i in range(ufcx.num_coefficients)
-        ]
-        self._values = [(f.x.array, f.function_space.dofmap.list[cells]) for f in used]
-
-    def coefficients(self) -> FloatArray:
-        """Present values in each cell, one after the other; (n, k)."""
-        return np.concatenate([values[dofs] for values, dofs in self._values], axis=1)
-
-
 class CondensedTangent:
     """Tangent of a section with contact: PETSc's matrix, and its factorisation as preconditioner.
 
@@ -106,8 +59,8 @@ class CondensedTangent:
     V : fem.FunctionSpace
         Mixed space of `forms.element.section_element`.
     moduli : sequence of (fem.Expression, (n,) int)
-        Tangent moduli of `forms.mixed.moduli` at the points of `quadrature`, and the owned cells
-        that have them: each cell once.
+        Tangent moduli of `forms.mixed.moduli` at the points of `cells.quadrature`, and the owned
+        cells that have them: each cell once.
     held : (n,) bool
         Markers of held local unknowns, ghosts included.
     keeps_constant : (m,) bool
@@ -139,8 +92,8 @@ class CondensedTangent:
         self._contact = contact
         module = native.library(self._comm)
         self._c, self._ffi = module.lib, module.ffi
-        self._laws = [_Law(self._ffi, expression, cells) for expression, cells in moduli]
-        self._element = _reference_element(V)
+        self._laws = [CellLaw(self._ffi, expression, cells) for expression, cells in moduli]
+        self._element = reference_element(V)
         cells = V.mesh.topology.index_map(2)
         self._geometry = V.mesh.geometry
         dofs = V.dofmap.list
@@ -298,7 +251,7 @@ class CondensedTangent:
             for law in self._laws:
                 self._add_law(law)
 
-    def _add_law(self, law: _Law) -> None:
+    def _add_law(self, law: CellLaw) -> None:
         coefficients = law.coefficients()
         self._c.add_cells(
             law.kernel,

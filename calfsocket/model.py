@@ -13,7 +13,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from calfsocket.condensation import CondensedTangent, quadrature
+from calfsocket.cells import quadrature
+from calfsocket.condensation import CondensedTangent
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import InputError
