@@ -194,16 +194,18 @@ class ShrinkingModel(Model):
         super().__init__(*args, **keywords)
         cells = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
         self.contact.swell(np.unique(self.section.mesh.geometry.dofmap[cells]))
-        self._guide = self.bedding.x.array.copy()
+        self._guide = self.bedding.x.array - self._lasting.x.array
 
     def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
-        """Guide the socket."""
-        return {tags.SOCKET: GUIDE_STIFFNESS}
+        """Guide the socket, on top of what a frictionless one rests on."""
+        lasting = super().bedding_stiffness(frictionless)
+        self._lasting = self._by_region(lasting)
+        return {tags.SOCKET: GUIDE_STIFFNESS + lasting.get(tags.SOCKET, 0.0)}
 
     def set_unknowns(self, x: PETSc.Vec) -> None:
         """Copy a vector into `w`, ghosts included, and let the guide fade (collective)."""
         super().set_unknowns(x)
-        self.bedding.x.array[:] = (1.0 - self.contact.load) * self._guide
+        self.bedding.x.array[:] = self._lasting.x.array + (1.0 - self.contact.load) * self._guide
 
 
 DAMPING = 3e-5
@@ -221,18 +223,24 @@ class DampedModel(Model):
 
     def __init__(self, *args: Any, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
-        self._drag = self.bedding.x.array.copy()
+        self._drag = self.bedding.x.array - self._lasting.x.array
+        self._start = np.zeros_like(self.w.x.array)
 
     def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
-        """Dashpots on everything."""
-        return dict.fromkeys(self.section.regions, DAMPING)
+        """Dashpots on everything, on top of what a frictionless socket rests on."""
+        lasting = super().bedding_stiffness(frictionless)
+        self._lasting = self._by_region(lasting)
+        return {name: DAMPING + lasting.get(name, 0.0) for name in self.section.regions}
 
     def set_unknowns(self, x: PETSc.Vec) -> None:
         """Copy a vector into `w`, ghosts included, and let the drag fade (collective)."""
         super().set_unknowns(x)
-        self.bedding.x.array[:] = (1.0 - self.contact.load) * self._drag
+        drag = (1.0 - self.contact.load) * self._drag
+        self.bedding.x.array[:] = self._lasting.x.array + drag
+        # What lasts is at rest in the undeformed place, to which it counts at full load.
+        self.anchor.x.array[:] = self._start if self.contact.load < 1.0 else 0.0
 
     def rest(self, x: PETSc.Vec) -> None:
         """Let the dashpots start from here, after each step (collective)."""
-        self.anchor.x.array[: len(x.array_r)] = x.array_r
-        self.anchor.x.scatter_forward()
+        super().set_unknowns(x)
+        self._start[:] = self.w.x.array
