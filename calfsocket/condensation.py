@@ -101,14 +101,24 @@ class CondensedTangent:
         self._inside = np.ascontiguousarray(
             np.column_stack([dofs[:, _BUBBLE], *others, p0])[: cells.size_local]
         )
-        self._keeps_constant = keeps_constant[: cells.size_local].astype(np.uint8)
-        self._number_outside(V, held, keeps_constant)
+        self._V, self._held = V, held
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
         with defaults():
             self.ksp.setFromOptions()
         self.inverse = np.zeros((cells.size_local, INSIDE, INSIDE))
         self.coupling = np.zeros((cells.size_local, INSIDE, OUTSIDE))
+        self._set_up(keeps_constant)
+
+    def keep(self, keeps_constant: NDArray[np.bool_]) -> None:
+        """Choose anew whose constant pressure stays outside: laws may have changed (collective)."""
+        if self._comm.allreduce(not np.array_equal(keeps_constant, self._kept)):
+            self._set_up(keeps_constant)
+
+    def _set_up(self, keeps_constant: NDArray[np.bool_]) -> None:
+        self._kept = keeps_constant
+        self._keeps_constant = keeps_constant[: len(self._inside)].astype(np.uint8)
+        self._number_outside(self._V, self._held, keeps_constant)
         self._lay_out()
         self._assembled = False
         self._b, self._x = self.matrix.createVecs()

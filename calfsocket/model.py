@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
-import basix
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -19,7 +18,7 @@ from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.errors import InputError
 from calfsocket.forms import mixed
-from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
+from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.laws import Law, law_fields, law_tags
 from calfsocket.meshes import tags
@@ -216,13 +215,16 @@ class Model:
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
         self.set_unknowns(x)
-        A.getPythonContext().assemble(*self.contact.tangent())
+        condensed = A.getPythonContext()
+        condensed.keep(self._keeps_constant())
+        condensed.assemble(*self.contact.tangent())
         A.assemble()
 
     def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
         """Condensed tangent of the tissues with contact as a constraint (collective)."""
         self.set_unknowns(x)
         condensed = A.getPythonContext()
+        condensed.keep(self._keeps_constant())
         condensed.assemble(*self.contact.constraint_tangent())
         pressures = 3 * self.section.mesh.topology.index_map(2).size_global
         return condensed.matrix, pressures - condensed.negative_inside()
@@ -258,9 +260,8 @@ class Model:
 
     def smallest_volume_ratio(self) -> tuple[float, str]:
         """Smallest J = det F of all quadrature points and the region it is in (collective)."""
-        points, _ = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
         F = deformation_gradient(ufl.split(self.w)[0])
-        J = fem.Expression(ufl.det(F), np.asarray(points), self.comm)
+        J = fem.Expression(ufl.det(F), quadrature()[0], self.comm)
         cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
         return self._smallest_by_region(
             J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf)

@@ -19,7 +19,7 @@ COMPILE_ARGUMENTS = ["-O3", "-g0", "-fno-math-errno", "-fno-trapping-math"]
 
 
 def library(comm: MPI.Comm) -> Any:
-    """Return the compiled functions of condensation.c (collective the first time)."""
+    """Return the compiled functions of condensation.c (collective)."""
     return jit.mpi_jit_decorator(_library)(comm)
 
 

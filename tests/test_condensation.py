@@ -1,5 +1,7 @@
 """The condensed tangent against the assembled one: same product, same solution, same inertia."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import ufl
@@ -183,3 +185,20 @@ def test_straight_cells_are_refused():
     domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
     with pytest.raises(ValueError, match="3 nodes, not 6"):
         cells.reference_element(fem.functionspace(domain, section_element()))
+
+
+def test_laws_that_become_incompressible_keep_their_constant_pressure():
+    """With muscle's K infinite from one tangent to the next, its pressure is found all the same."""
+    model = ring()
+    solver = state(model)
+    outside = len(solver._A.getPythonContext()._dofs)
+    muscle = SEPARATE["muscle"]
+    model.set_laws({"muscle": replace(muscle, d1=0.0)})
+    solver.factorise()
+    cells_of_muscle = model.section.cell_tags.find(model.section.regions["muscle"])
+    assert len(solver._A.getPythonContext()._dofs) == outside + len(cells_of_muscle)
+    v = random_vector(solver)
+    assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
+    model.set_laws({"muscle": muscle})
+    solver.factorise()
+    assert len(solver._A.getPythonContext()._dofs) == outside
