@@ -1,17 +1,16 @@
 """Outlines that cannot be used: each is refused in one line that says where and what to do."""
 
 import os
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import ezdxf
 import numpy as np
 import pytest
 
 from calfsocket.errors import InputError
 from calfsocket.meshes.outline import read_outline
+from drawings import dxf
 from reliability import Trial
 
 TITLE = "Outlines of sockets"
@@ -39,18 +38,6 @@ def row(number: int, text: str) -> str:
     return "\n".join(lines)
 
 
-def drawing(draw: Callable[[Any], object], unit: int = 4) -> Callable[[Path], None]:
-    """A DXF drawing in millimetres, or in another unit by its number."""
-
-    def write(path: Path) -> None:
-        document = ezdxf.new()
-        document.units = unit
-        draw(document.modelspace())
-        document.saveas(path)
-
-    return write
-
-
 def block(space: Any) -> None:
     space.doc.blocks.new("SOCKET").add_circle((0, 0), 55)
     space.add_blockref("SOCKET", (0, 0))
@@ -67,7 +54,7 @@ def almost_closed(space: Any) -> None:
 
 
 def cut_short(path: Path) -> None:
-    drawing(lambda space: space.add_lwpolyline(CIRCLE, close=True))(path)
+    dxf(lambda space: space.add_lwpolyline(CIRCLE, close=True))(path)
     text = path.read_text()
     path.write_text(text[: text.index("LWPOLYLINE") + 300])
 
@@ -163,58 +150,56 @@ TRIALS = (
     Trial("an empty DXF", ("a.dxf", b""), ("is no DXF drawing",)),
     Trial("bytes called DXF", ("a.dxf", bytes(range(256))), ("is no DXF drawing",)),
     Trial("a DXF cut short", ("a.dxf", cut_short), ("is no DXF drawing",)),
-    Trial(
-        "a DXF with nothing in it", ("a.dxf", drawing(lambda s: None)), ("the drawing is empty",)
-    ),
+    Trial("a DXF with nothing in it", ("a.dxf", dxf(lambda s: None)), ("the drawing is empty",)),
     Trial(
         "an open polyline",
-        ("a.dxf", drawing(lambda s: s.add_lwpolyline(CIRCLE[:46]))),
+        ("a.dxf", dxf(lambda s: s.add_lwpolyline(CIRCLE[:46]))),
         ("LWPOLYLINE", "is open at", "110 mm away"),
     ),
     Trial(
         "lines that miss by 1 mm",
-        ("a.dxf", drawing(almost_closed)),
+        ("a.dxf", dxf(almost_closed)),
         ("LINE", "is open at (56.00, 0.00) mm: the nearest end is 1 mm away"),
     ),
     Trial(
         "two circles",
-        ("a.dxf", drawing(lambda s: (s.add_circle((0, 0), 50), s.add_circle((0, 0), 55)))),
+        ("a.dxf", dxf(lambda s: (s.add_circle((0, 0), 50), s.add_circle((0, 0), 55)))),
         ("holds 2 outlines, CIRCLE", "keep one"),
     ),
     Trial(
         "a line too many",
-        ("a.dxf", drawing(lambda s: (lines(s, CIRCLE), s.add_line(CIRCLE[3], (90, 90))))),
+        ("a.dxf", dxf(lambda s: (lines(s, CIRCLE), s.add_line(CIRCLE[3], (90, 90))))),
         ("without branches",),
     ),
     Trial(
         "a text beside the outline",
-        ("a.dxf", drawing(lambda s: (s.add_circle((0, 0), 55), s.add_text("TSB")))),
+        ("a.dxf", dxf(lambda s: (s.add_circle((0, 0), 55), s.add_text("TSB")))),
         ("TEXT", "is no part of an outline"),
     ),
-    Trial("an outline in a block", ("a.dxf", drawing(block)), ("INSERT", "explode blocks")),
+    Trial("an outline in a block", ("a.dxf", dxf(block)), ("INSERT", "explode blocks")),
     Trial(
         "a DXF in metres",
-        ("a.dxf", drawing(lambda s: s.add_circle((0, 0), 55), unit=6)),
+        ("a.dxf", dxf(lambda s: s.add_circle((0, 0), 55), unit=6)),
         ("1.1e+05 x 1.1e+05 mm", "$INSUNITS says meters"),
     ),
     Trial(
         "a polyline out of its plane",
-        ("a.dxf", drawing(lambda s: s.add_polyline3d([(x, y, x) for x, y in CIRCLE], close=True))),
+        ("a.dxf", dxf(lambda s: s.add_polyline3d([(x, y, x) for x, y in CIRCLE], close=True))),
         ("rises by 110 mm out of its plane",),
     ),
     Trial(
         "a square as lines",
-        ("a.dxf", drawing(lambda s: lines(s, SQUARE))),
+        ("a.dxf", dxf(lambda s: lines(s, SQUARE))),
         ("turns by 90 degrees",),
     ),
     Trial(
         "a circle without radius",
-        ("a.dxf", drawing(lambda s: s.add_circle((0, 0), 0))),
+        ("a.dxf", dxf(lambda s: s.add_circle((0, 0), 0))),
         ("CIRCLE", "is no curve of finite size"),
     ),
     Trial(
         "a circle of NaN",
-        ("a.dxf", drawing(lambda s: s.add_circle((0, 0), float("nan")))),
+        ("a.dxf", dxf(lambda s: s.add_circle((0, 0), float("nan")))),
         ("CIRCLE",),
     ),
     Trial("prose called SVG", ("a.svg", "Dear socket"), ("is no SVG drawing (syntax error",)),

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import ezdxf
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -20,6 +19,7 @@ from calfsocket.meshes.quality import areas, jacobian_bounds
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.sockets import inner_face, socket_faces
 from calfsocket.meshes.tags import SOCKET_ID
+from drawings import dxf
 
 LIMB = load_limb()
 SKIN = limb_curves(LIMB)["skin_outline"]
@@ -58,16 +58,6 @@ def german_csv(path: Path) -> None:
     """As a German spreadsheet writes it, closed by its first point."""
     rows = [f"{x:.4f};{y:.4f}".replace(".", ",") for x, y in [*POINTS, POINTS[0]]]
     path.write_text("\ufeff" + "\r\n".join(["X [mm];Y [mm]", *rows]) + "\r\n", encoding="utf-8")
-
-
-def dxf(draw: Callable[[Any], object], unit: int = 4) -> Callable[[Path], None]:
-    def write(path: Path) -> None:
-        document = ezdxf.new()
-        document.units = unit
-        draw(document.modelspace())
-        document.saveas(path)
-
-    return write
 
 
 def spline(space: Any) -> None:
