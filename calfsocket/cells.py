@@ -1,14 +1,15 @@
-"""What the loops of condensation.c need of the element and of the laws, as plain arrays."""
+"""What the loops over cells in C need of the element and of the laws, as plain arrays."""
 
 from typing import Any
 
 import basix
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 from numpy.typing import NDArray
 
 from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
+from calfsocket.native import Library
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -17,6 +18,8 @@ IntArray = NDArray[np.int32]
 LANES = 8
 # Nodes of a cell with quadratic geometry.
 NODES = 6
+# Of a law: two sets of unknowns, and its parameters.
+MOST_COEFFICIENTS = 64
 
 
 def quadrature() -> tuple[FloatArray, FloatArray]:
@@ -26,7 +29,7 @@ def quadrature() -> tuple[FloatArray, FloatArray]:
 
 
 def reference_element(V: fem.FunctionSpace) -> FloatArray:
-    """Lay out the reference element at the points of `quadrature` as condensation.c has it.
+    """Lay out the reference element at the points of `quadrature` as cells.h has it.
 
     Raises
     ------
@@ -53,18 +56,44 @@ def reference_element(V: fem.FunctionSpace) -> FloatArray:
 
 
 class CellLaw:
-    """Moduli of a law in its cells: the compiled expression and its coefficients."""
+    """What a law gives at the points of its cells: a compiled expression and its coefficients.
 
-    def __init__(self, ffi: Any, expression: fem.Expression, cells: IntArray) -> None:
+    Parameters
+    ----------
+    library : native.Library
+        The compiled loops.
+    expression : fem.Expression
+        At the points of `quadrature`.
+    cells : (n,) int
+        Owned cells that have the law.
+    """
+
+    def __init__(self, library: Library, expression: fem.Expression, cells: IntArray) -> None:
         ufcx = expression.ufcx_expression
-        self.kernel = int(ffi.cast("intptr_t", ufcx.tabulate_tensor_float64))
+        self.kernel = int(library.ffi.cast("intptr_t", ufcx.tabulate_tensor_float64))
         self.cells = np.ascontiguousarray(cells, dtype=np.int32)
         functions = ufl.algorithms.extract_coefficients(expression.ufl_expression)
-        used = [
+        self._used = [
             functions[ufcx.original_coefficient_positions[i]] for i in range(ufcx.num_coefficients)
         ]
-        self._values = [(f.x.array, f.function_space.dofmap.list[cells]) for f in used]
+        addresses = []
+        for f in self._used:
+            dofs = f.function_space.dofmap.list
+            assert f.x.array.dtype == np.float64 and dofs.dtype == np.int32
+            assert f.x.array.flags.c_contiguous and dofs.flags.c_contiguous
+            addresses.append((f.x.array.ctypes.data, dofs.ctypes.data, dofs.shape[1]))
+        self._functions = np.array(addresses, dtype=np.int64)
+        assert self._functions[:, 2].sum() <= MOST_COEFFICIENTS
 
-    def coefficients(self) -> FloatArray:
-        """Present values in each cell, one after the other; (n, k)."""
-        return np.concatenate([values[dofs] for values, dofs in self._values], axis=1)
+    def arguments(self, element: FloatArray, geometry: mesh.Geometry) -> tuple[Any, ...]:
+        """Return what the loops in C begin with; coefficients have their values of then."""
+        return (
+            self.kernel,
+            element,
+            len(self.cells),
+            self.cells,
+            len(self._functions),
+            self._functions,
+            geometry.x,
+            geometry.dofmap,
+        )

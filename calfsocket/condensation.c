@@ -1,232 +1,156 @@
 /* Element tangents with the unknowns inside a cell eliminated, added to a sparse matrix; called by
  * condensation.py, which says what it is about. Here are the loops over cells alone.
  *
- * An element has 17 unknowns: 12 displacements of vertices and mid-sides, 2 of the bubble, and the
- * pressure at the 3 vertices. The pressures are taken as p0 everywhere (its "constant") and the
- * differences p1 - p0 and p2 - p0. Inside the cell are, in this order, the bubble, the two
- * differences and the constant. Outside are the displacements and, in a cell that keeps it, the
- * constant: a pressure that no bubble and no compressibility determines.
- *
- * The moduli at the quadrature points come from the laws, in UFL (forms/mixed.py): the upper
- * triangle of the derivative of (P11, P12, P21, P22, volumetric residual) by (F11, F12, F21, F22,
- * pressure unknown), and the bedding's stiffness.
- */
+ * Inside the cell are, in this order, the bubble, the two pressure differences and the constant.
+ * Outside are the x components of the displacements, their y components and, in a cell that keeps
+ * it, the constant: a pressure that no bubble and no compressibility determines. */
 
-#include <math.h>
-#include <stdint.h>
-#include <string.h>
+#include "cells.h"
 
-enum { ELEMENT = 17, DISPLACEMENTS = 12, BUBBLE = 12, PRESSURE = 14, CONSTANT = 4 };
-enum { INSIDE = 5, OUTSIDE = 13 };
-/* Rows filled up with zeros to whole vectors: of 13, and of 13 and 5. */
-enum { PADDED = 16, COLUMNS = 24 };
+enum { INSIDE = 5, CONSTANT = 4, OUTSIDE = 13, CONSTANT_OUTSIDE = 12 };
+/* In the place of an entry's position: of an unknown that is held, and where the pattern has none. */
+enum { HELD = -1, LACKING = -2 };
 
-enum { NODES = 6, POINTS = 6, MODULI = 16, BEDDING = 15, SHAPES = 7, LANES = 8 };
+/* A row of the equations inside: over the displacements outside, and over right hand sides: 1 for
+ * each of the equations, and what the constant meets where it is outside. */
+typedef union {
+    struct {
+        row displacement;
+        lanes other;
+    };
+    vector part[6];
+} equation;
 
-typedef void moduli_kernel(double *D, const double *w, const double *c, const double *coordinates,
-                           const int *facet, const uint8_t *permutation);
-
-/* Reference element at the quadrature points. */
+/* What is left outside; the tangent is symmetric, so the constant's column is its row. */
 typedef struct {
-    double weight[POINTS];
-    double node[POINTS][NODES][2];       /* derivatives of the geometry's shape functions */
-    double shape[POINTS][LANES];         /* those of a displacement component, the bubble last */
-    double gradient[POINTS][2][LANES];   /* and their derivatives */
-    double pressure[POINTS][3];          /* 1, and the shape functions of vertices 1 and 2 */
-} reference_element;
-
-/* Every x86-64 runs the plain copy; those that have AVX2 run the other one. */
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define VECTORISED __attribute__((target_clones("arch=x86-64-v3", "default")))
-#else
-#define VECTORISED
-#endif
-
-/* Derivatives of the shape functions by x and y at a point; returns det(dx/dX). */
-static inline double gradients(const reference_element *at, int q, double x[NODES][3],
-                               double gx[LANES], double gy[LANES])
-{
-    double J[2][2] = {{0.0}};
-    for (int n = 0; n < NODES; ++n)
-        for (int i = 0; i < 2; ++i)
-            for (int j = 0; j < 2; ++j)
-                J[i][j] += x[n][i] * at->node[q][n][j];
-    double det = J[0][0] * J[1][1] - J[0][1] * J[1][0], inverse = 1.0 / det;
-    for (int i = 0; i < 2; ++i)
-        for (int j = 0; j < 2; ++j)
-            J[i][j] *= inverse;
-    for (int b = 0; b < LANES; ++b) {
-        gx[b] = J[1][1] * at->gradient[q][0][b] - J[1][0] * at->gradient[q][1][b];
-        gy[b] = J[0][0] * at->gradient[q][1][b] - J[0][1] * at->gradient[q][0][b];
-    }
-    return det;
-}
-
-/* Tangent of one element: the moduli between the gradients of its shape functions. */
-VECTORISED static void element_tangent(const reference_element *at, double x[NODES][3],
-                                       double moduli[POINTS][MODULI], double A[ELEMENT][ELEMENT])
-{
-    double gx[POINTS][LANES], gy[POINTS][LANES], left[POINTS][6][LANES];
-    double xx[SHAPES][LANES], xy[SHAPES][LANES], yy[SHAPES][LANES];
-    double xp[3][LANES] = {{0.0}}, yp[3][LANES] = {{0.0}}, pp[3][3] = {{0.0}};
-    for (int q = 0; q < POINTS; ++q) {
-        double weight = at->weight[q] * fabs(gradients(at, q, x, gx[q], gy[q]));
-        double *D = moduli[q];
-        for (int k = 0; k < MODULI; ++k)
-            D[k] *= weight;
-        for (int a = 0; a < LANES; ++a) {
-            left[q][0][a] = gx[q][a] * D[0] + gy[q][a] * D[1];
-            left[q][1][a] = gx[q][a] * D[1] + gy[q][a] * D[5];
-            left[q][2][a] = gx[q][a] * D[2] + gy[q][a] * D[6];
-            left[q][3][a] = gx[q][a] * D[3] + gy[q][a] * D[7];
-            left[q][4][a] = gx[q][a] * D[9] + gy[q][a] * D[10];
-            left[q][5][a] = gx[q][a] * D[10] + gy[q][a] * D[12];
-        }
-        for (int m = 0; m < 3; ++m) {
-            double phi = at->pressure[q][m];
-            for (int b = 0; b < LANES; ++b) {
-                xp[m][b] += phi * (gx[q][b] * D[4] + gy[q][b] * D[8]);
-                yp[m][b] += phi * (gx[q][b] * D[11] + gy[q][b] * D[13]);
-            }
-            for (int n = 0; n < 3; ++n)
-                pp[m][n] += phi * at->pressure[q][n] * D[14];
-        }
-    }
-    for (int a = 0; a < SHAPES; ++a) {
-        double row_xx[LANES] = {0.0}, row_xy[LANES] = {0.0}, row_yy[LANES] = {0.0};
-        for (int q = 0; q < POINTS; ++q)
-            for (int b = 0; b < LANES; ++b) {
-                row_xx[b] += left[q][0][a] * gx[q][b] + left[q][1][a] * gy[q][b];
-                row_xy[b] += left[q][2][a] * gx[q][b] + left[q][3][a] * gy[q][b];
-                row_yy[b] += left[q][4][a] * gx[q][b] + left[q][5][a] * gy[q][b];
-            }
-        for (int q = 0; q < POINTS; ++q)
-            if (moduli[q][BEDDING] != 0.0)
-                for (int b = 0; b < LANES; ++b) {
-                    double mass = moduli[q][BEDDING] * at->shape[q][a] * at->shape[q][b];
-                    row_xx[b] += mass;
-                    row_yy[b] += mass;
-                }
-        memcpy(xx[a], row_xx, sizeof row_xx);
-        memcpy(xy[a], row_xy, sizeof row_xy);
-        memcpy(yy[a], row_yy, sizeof row_yy);
-    }
-    for (int a = 0; a < SHAPES; ++a)
-        for (int b = 0; b < SHAPES; ++b) {
-            A[2 * a][2 * b] = xx[a][b];
-            A[2 * a][2 * b + 1] = xy[a][b];
-            A[2 * b + 1][2 * a] = xy[a][b];
-            A[2 * a + 1][2 * b + 1] = yy[a][b];
-        }
-    for (int m = 0; m < 3; ++m) {
-        for (int b = 0; b < SHAPES; ++b) {
-            A[PRESSURE + m][2 * b] = A[2 * b][PRESSURE + m] = xp[m][b];
-            A[PRESSURE + m][2 * b + 1] = A[2 * b + 1][PRESSURE + m] = yp[m][b];
-        }
-        for (int n = 0; n < 3; ++n)
-            A[PRESSURE + m][PRESSURE + n] = pp[m][n];
-    }
-}
+    row displacement[2][NODES];
+    row constant;
+    double compressibility;
+} condensed_matrix;
 
 /* Solve B X = C in place by elimination with pivots. */
-static inline void solve_inside(double B[INSIDE][8], double C[INSIDE][COLUMNS])
+static inline void solve_inside(lanes B[INSIDE], equation C[INSIDE])
 {
     for (int k = 0; k < INSIDE; ++k) {
         int pivot = k;
         for (int i = k + 1; i < INSIDE; ++i)
-            if (fabs(B[i][k]) > fabs(B[pivot][k]))
+            if (fabs(B[i].at[k]) > fabs(B[pivot].at[k]))
                 pivot = i;
-        if (pivot != k) {
-            double row[COLUMNS];
-            memcpy(row, C[k], sizeof C[k]);
-            memcpy(C[k], C[pivot], sizeof C[k]);
-            memcpy(C[pivot], row, sizeof C[k]);
-            memcpy(row, B[k], sizeof B[k]);
-            memcpy(B[k], B[pivot], sizeof B[k]);
-            memcpy(B[pivot], row, sizeof B[k]);
-        }
-        double scale = 1.0 / B[k][k];
-        for (int j = 0; j < 8; ++j)
-            B[k][j] *= scale;
-        for (int j = 0; j < COLUMNS; ++j)
-            C[k][j] *= scale;
+        lanes left = B[pivot];
+        equation right = C[pivot];
+        B[pivot] = B[k], C[pivot] = C[k];
+        double scale = 1.0 / left.at[k];
+        for (int h = 0; h < 2; ++h)
+            left.part[h] *= scale;
+        for (int h = 0; h < 6; ++h)
+            right.part[h] *= scale;
+        B[k] = left, C[k] = right;
         for (int i = 0; i < INSIDE; ++i) {
             if (i == k)
                 continue;
-            double factor = B[i][k];
-            for (int j = 0; j < 8; ++j)
-                B[i][j] -= factor * B[k][j];
-            for (int j = 0; j < COLUMNS; ++j)
-                C[i][j] -= factor * C[k][j];
+            double factor = B[i].at[k];
+            for (int h = 0; h < 2; ++h)
+                B[i].part[h] -= factor * left.part[h];
+            for (int h = 0; h < 6; ++h)
+                C[i].part[h] -= factor * right.part[h];
         }
     }
 }
 
-VECTORISED static void eliminate(double A[ELEMENT][ELEMENT], int keeps_constant, double *inverse,
-                                 double *coupling, double S[OUTSIDE][PADDED])
+VECTORISED static void eliminate(const element_matrix *A, int keeps_constant, double *inverse,
+                                 double *coupling, condensed_matrix *S)
 {
-    static const int inside[INSIDE] = {BUBBLE, BUBBLE + 1, PRESSURE + 1, PRESSURE + 2, PRESSURE};
-    double B[INSIDE][8] = {{0.0}}, C[INSIDE][COLUMNS] = {{0.0}}, K[INSIDE][PADDED] = {{0.0}};
+    static const int pressure[INSIDE] = {-1, -1, 1, 2, 0};
+    const double(*pp)[3] = A->compressibility;
+    row K[INSIDE] = {A->displacement[0][BUBBLE], A->displacement[1][BUBBLE], A->pressure[1],
+                     A->pressure[2], A->pressure[0]};
+    lanes B[INSIDE];
+    equation C[INSIDE];
+    double constant[INSIDE];
+    memset(B, 0, sizeof B);
+    memset(C, 0, sizeof C);
     for (int i = 0; i < INSIDE; ++i) {
-        memcpy(K[i], A[inside[i]], DISPLACEMENTS * sizeof(double));
-        K[i][DISPLACEMENTS] = A[inside[i]][PRESSURE];
         for (int j = 0; j < INSIDE; ++j)
-            B[i][j] = A[inside[i]][inside[j]];
-        C[i][PADDED + i] = 1.0;
+            B[i].at[j] = j < 2   ? K[i].component[j].at[BUBBLE]
+                         : i < 2 ? K[j].component[i].at[BUBBLE]
+                                 : pp[pressure[i]][pressure[j]];
+        C[i].displacement = K[i];
+        C[i].other.at[i] = 1.0;
     }
-    if (keeps_constant) { /* outside: nothing is left of it inside */
-        for (int j = 0; j < INSIDE; ++j)
-            B[CONSTANT][j] = B[j][CONSTANT] = j == CONSTANT;
-        memset(K[CONSTANT], 0, sizeof K[CONSTANT]);
-        C[CONSTANT][PADDED + CONSTANT] = 0.0;
-    } else { /* inside: nothing is left of it outside */
+    if (keeps_constant) { /* nothing is left of it inside */
         for (int i = 0; i < INSIDE; ++i)
-            K[i][DISPLACEMENTS] = 0.0;
+            C[i].other.at[INSIDE] = constant[i] = B[i].at[CONSTANT];
+        for (int i = 0; i < INSIDE; ++i)
+            B[CONSTANT].at[i] = B[i].at[CONSTANT] = i == CONSTANT;
+        memset(&K[CONSTANT], 0, sizeof K[CONSTANT]);
+        memset(&C[CONSTANT], 0, sizeof C[CONSTANT]);
     }
-    for (int i = 0; i < INSIDE; ++i)
-        memcpy(C[i], K[i], sizeof K[i]);
     solve_inside(B, C);
     for (int i = 0; i < INSIDE; ++i) {
-        memcpy(coupling + i * OUTSIDE, C[i], OUTSIDE * sizeof(double));
-        memcpy(inverse + i * INSIDE, C[i] + PADDED, INSIDE * sizeof(double));
+        memcpy(inverse + i * INSIDE, C[i].other.at, INSIDE * sizeof(double));
+        for (int c = 0; c < 2; ++c)
+            memcpy(coupling + i * OUTSIDE + c * NODES, C[i].displacement.component[c].at,
+                   NODES * sizeof(double));
+        coupling[i * OUTSIDE + CONSTANT_OUTSIDE] = C[i].other.at[INSIDE];
     }
-    for (int i = 0; i < OUTSIDE; ++i) {
-        double row[PADDED] = {0.0};
-        memcpy(row, A[i < DISPLACEMENTS ? i : PRESSURE], DISPLACEMENTS * sizeof(double));
-        row[DISPLACEMENTS] = A[i < DISPLACEMENTS ? i : PRESSURE][PRESSURE];
-        for (int k = 0; k < INSIDE; ++k) /* the tissues' tangent is symmetric */
-            for (int j = 0; j < PADDED; ++j)
-                row[j] -= K[k][i] * C[k][j];
-        memcpy(S[i], row, sizeof row);
+    for (int c = 0; c < 2; ++c)
+        for (int a = 0; a < NODES; ++a) {
+            row s = A->displacement[c][a];
+            for (int k = 0; k < INSIDE; ++k) /* the tissues' tangent is symmetric */
+                for (int h = 0; h < 4; ++h)
+                    s.part[h] -= K[k].component[c].at[a] * C[k].part[h];
+            S->displacement[c][a] = s;
+        }
+    if (keeps_constant) {
+        row s = A->pressure[0];
+        double stiffness = pp[0][0];
+        for (int k = 0; k < CONSTANT; ++k) {
+            for (int h = 0; h < 4; ++h)
+                s.part[h] -= constant[k] * C[k].part[h];
+            stiffness -= constant[k] * C[k].other.at[INSIDE];
+        }
+        S->constant = s;
+        S->compressibility = stiffness;
     }
 }
 
-/* Tangents of n cells, with the moduli of their law, added to the matrix's values. */
-void add_cells(intptr_t law, const double *element, int n, const int32_t *cells,
-               const double *coefficients, int n_coefficients, const double *x,
-               const int32_t *nodes, const uint8_t *keeps_constant, const int32_t *positions,
-               double *inverse, double *coupling, double *values)
+static inline void add(double value, int32_t position, double *values)
 {
-    moduli_kernel *tabulate = (moduli_kernel *)law;
-    const reference_element *at = (const reference_element *)element;
+    if (position >= 0)
+        values[position] += value;
+}
+
+/* Tangents of n cells, with the moduli of their law, added to the matrix's values. */
+void add_tangents(intptr_t law, const double *element, int n, const int32_t *cells,
+                  int n_functions, const int64_t *functions, const double *x,
+                  const int32_t *nodes, const uint8_t *keeps_constant, const int32_t *positions,
+                  double *inverse, double *coupling, double *values)
+{
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
         double coordinates[NODES][3], moduli[POINTS][MODULI] = {{0.0}};
-        double A[ELEMENT][ELEMENT], S[OUTSIDE][PADDED];
-        for (int j = 0; j < NODES; ++j)
-            memcpy(coordinates[j], x + 3 * (size_t)nodes[(size_t)cell * NODES + j],
-                   sizeof coordinates[j]);
-        tabulate(&moduli[0][0], coefficients + (size_t)i * n_coefficients, 0, &coordinates[0][0],
-                 0, 0);
-        element_tangent(at, coordinates, moduli, A);
-        eliminate(A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
-                  coupling + (size_t)cell * INSIDE * OUTSIDE, S);
-        int n_outside = keeps_constant[cell] ? OUTSIDE : DISPLACEMENTS;
-        for (int j = 0; j < n_outside; ++j)
-            for (int k = 0; k < n_outside; ++k)
-                if (position[j * OUTSIDE + k] >= 0)
-                    values[position[j * OUTSIDE + k]] += S[j][k];
+        element_matrix A;
+        condensed_matrix S;
+        at_points(law, n_functions, functions, x, nodes, cell, coordinates, &moduli[0][0]);
+        element_tangent((const reference_element *)element, coordinates, moduli, &A);
+        eliminate(&A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
+                  coupling + (size_t)cell * INSIDE * OUTSIDE, &S);
+        for (int c = 0; c < 2; ++c)
+            for (int a = 0; a < NODES; ++a, position += OUTSIDE) {
+                for (int d = 0; d < 2; ++d)
+                    for (int b = 0; b < NODES; ++b)
+                        add(S.displacement[c][a].component[d].at[b], position[d * NODES + b],
+                            values);
+                if (keeps_constant[cell])
+                    add(S.constant.component[c].at[a], position[CONSTANT_OUTSIDE], values);
+            }
+        if (keeps_constant[cell]) {
+            for (int d = 0; d < 2; ++d)
+                for (int b = 0; b < NODES; ++b)
+                    add(S.constant.component[d].at[b], position[d * NODES + b], values);
+            add(S.compressibility, position[CONSTANT_OUTSIDE], values);
+        }
     }
 }
 
@@ -285,9 +209,11 @@ void backward(int n, const double *residual, const int32_t *dofs, const int32_t 
     }
 }
 
-/* Place of (row, column) among a sparse matrix's values; -1 where the pattern lacks it. */
+/* Place of (row, column) among a sparse matrix's values. */
 static int32_t place(int32_t row, int32_t column, const int64_t *starts, const int32_t *columns)
 {
+    if (row < 0 || column < 0)
+        return HELD;
     int64_t low = starts[row], high = starts[row + 1];
     while (low < high) {
         int64_t middle = (low + high) / 2;
@@ -296,37 +222,27 @@ static int32_t place(int32_t row, int32_t column, const int64_t *starts, const i
         else
             high = middle;
     }
-    return low < starts[row + 1] && columns[low] == column ? (int32_t)low : -1;
+    return low < starts[row + 1] && columns[low] == column ? (int32_t)low : LACKING;
 }
 
-/* Places of n blocks (m x m) with the same rows and columns; -1 where one is negative. */
-void locate(int n, int m, const int32_t *numbers, const int64_t *starts, const int32_t *columns,
-            int32_t *positions)
+/* Places of n blocks (k x m). */
+void locate(int n, int k, const int32_t *rows, int m, const int32_t *row_columns,
+            const int64_t *starts, const int32_t *columns, int32_t *positions)
 {
-    for (int i = 0; i < n; ++i, numbers += m, positions += (size_t)m * m)
-        for (int j = 0; j < m; ++j)
-            for (int k = 0; k < m; ++k)
-                positions[j * m + k] = numbers[j] < 0 || numbers[k] < 0
-                                           ? -1
-                                           : place(numbers[j], numbers[k], starts, columns);
+    for (int i = 0; i < n; ++i, rows += k, row_columns += m)
+        for (int a = 0; a < k; ++a)
+            for (int b = 0; b < m; ++b)
+                *positions++ = place(rows[a], row_columns[b], starts, columns);
 }
 
-/* Add n blocks (m x m) to the values; return how many entries the pattern lacks. */
-int add_blocks(int n, int m, const int32_t *numbers, const double *blocks, const int64_t *starts,
-               const int32_t *columns, double *values)
+/* Add n numbers to the values at their places; return how many not zero the pattern lacks. */
+int add_at(int n, const int32_t *positions, const double *numbers, double *values)
 {
     int lacking = 0;
-    for (int i = 0; i < n; ++i, numbers += m, blocks += (size_t)m * m)
-        for (int j = 0; j < m; ++j)
-            for (int k = 0; k < m; ++k) {
-                double value = blocks[j * m + k];
-                if (numbers[j] < 0 || numbers[k] < 0 || value == 0.0)
-                    continue;
-                int32_t position = place(numbers[j], numbers[k], starts, columns);
-                if (position < 0)
-                    ++lacking;
-                else
-                    values[position] += value;
-            }
+    for (int i = 0; i < n; ++i)
+        if (positions[i] >= 0)
+            values[positions[i]] += numbers[i];
+        else
+            lacking += positions[i] == LACKING && numbers[i] != 0.0;
     return lacking;
 }

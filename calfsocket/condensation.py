@@ -18,7 +18,6 @@ Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from dolfinx import cpp, fem, la
@@ -28,25 +27,20 @@ from petsc4py import PETSc
 
 from calfsocket import native
 from calfsocket.cells import CellLaw, reference_element
-from calfsocket.contact.interface import ContactInterface
+from calfsocket.contact.interface import ContactInterface, ContactTangent
 from calfsocket.petsc_options import OPTIONS_PREFIX, defaults
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 INSIDE, OUTSIDE = 5, 13
-_DISPLACEMENTS, _BUBBLE, _PRESSURE = slice(0, 12), slice(12, 14), slice(14, 17)
-# Unknowns of a skin point's contact, those of its cell and then of the socket's edge, that stay
-# outside, with the constant pressure in the place of the first one, and those inside.
-_KEPT = [*range(12), 14, *range(17, 23)]
+# Unknowns of a cell: displacements, x before y as the loops in C have them.
+_DISPLACEMENTS = [*range(0, 12, 2), *range(1, 12, 2)]
+_BUBBLE, _PRESSURE = slice(12, 14), slice(14, 17)
+# Unknowns of a cell that stay outside, with the constant pressure in the place of the first one,
+# and those inside.
+_KEPT = [*_DISPLACEMENTS, 14]
 _ELIMINATED = [12, 13, 15, 16, 14]
-_C_TYPES = {
-    np.dtype(np.float64): "double[]",
-    np.dtype(np.int32): "int32_t[]",
-    np.dtype(np.int64): "int64_t[]",
-    np.dtype(np.uint8): "uint8_t[]",
-}
-
 
 TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
 
@@ -90,9 +84,8 @@ class CondensedTangent:
     ) -> None:
         self._comm = V.mesh.comm
         self._contact = contact
-        module = native.library(self._comm)
-        self._c, self._ffi = module.lib, module.ffi
-        self._laws = [CellLaw(self._ffi, expression, cells) for expression, cells in moduli]
+        self._library = native.library(self._comm)
+        self._laws = [CellLaw(self._library, expression, cells) for expression, cells in moduli]
         self._element = reference_element(V)
         cells = V.mesh.topology.index_map(2)
         self._geometry = V.mesh.geometry
@@ -163,7 +156,10 @@ class CondensedTangent:
         of_cells = np.column_stack([dofs[:n_cells, _DISPLACEMENTS], constant])
         self._numbers = self._local(np.where(of_cells < 0, -1, numbers.array[of_cells]))
         skin = self._contact.skin.entities[:, 0]
-        self._skin_cells = np.repeat(skin, self._contact.parameters.gauss_points)
+        n_points = self._contact.parameters.gauss_points
+        self._skin_cells = np.repeat(skin, n_points)
+        on_skin = self._local(numbers.array[self._contact.skin.dofs]).reshape(-1, 6)
+        self._skin_numbers = np.repeat(on_skin, n_points, axis=0)
         self._socket_numbers = self._local(socket)
 
     def _local(self, numbers: NDArray[np.int64]) -> IntArray:
@@ -195,15 +191,8 @@ class CondensedTangent:
         self._csr = la.matrix_csr(pattern)
         self._starts = np.asarray(self._csr.indptr, dtype=np.int64)
         self._columns = np.asarray(self._csr.indices, dtype=np.int32)
-        self._positions = np.empty((len(self._numbers), OUTSIDE, OUTSIDE), dtype=np.int32)
-        self._c.locate(
-            len(self._numbers),
-            OUTSIDE,
-            self._pointer(self._numbers),
-            self._pointer(self._starts),
-            self._pointer(self._columns),
-            self._pointer(self._positions),
-        )
+        self._positions = self._locate(self._numbers, self._numbers)
+        self._contact_edge = None
         rows = self.outside.size_local
         end = self._starts[rows]
         starts = self._starts[: rows + 1].astype(PETSc.IntType)
@@ -221,34 +210,24 @@ class CondensedTangent:
 
     # -- assembly -------------------------------------------------------------------------------
 
-    def assemble(self, blocks: FloatArray, edge: NDArray[np.int64]) -> None:
-        """Tissues at their present unknowns, and contact (collective).
-
-        Parameters
-        ----------
-        blocks : (n, k + 6, k + 6)
-            Contact tangent of each skin point, as of `nitsche.tangent`.
-        edge : (n,)
-            Edge of the socket that each point is at.
-        """
+    def assemble(self, contact: ContactTangent) -> None:
+        """Tissues at their present unknowns, and contact (collective)."""
         self._csr.data[:] = 0.0
         self._add_tissues()
-        numbers = np.concatenate(
-            [self._numbers[self._skin_cells], self._socket_numbers[edge]], axis=1
-        )
-        rows = blocks[:, _KEPT]
-        inside = rows[:, :, _ELIMINATED]
-        # The constant pressure has its part in all three at the vertices.
+        # T by what is inside and outside of the skin's cell; the constant pressure has its part in
+        # all three at the vertices.
+        inside = contact.d_traction[:, :, _ELIMINATED]
         inside[:, :, -1] += inside[:, :, 2] + inside[:, :, 3]
-        outside = np.ascontiguousarray(rows[:, :, _KEPT])
-        outside[:, :, OUTSIDE - 1] = inside[:, :, -1]
-        outside[:, :, :OUTSIDE] -= inside @ self.coupling[self._skin_cells]
-        if self._comm.allreduce(self._add_contact(numbers, outside)):
+        outside = contact.d_traction[:, :, _KEPT]
+        outside[:, :, -1] = inside[:, :, -1]
+        outside -= inside @ self.coupling[self._skin_cells]
+        blocks = np.concatenate([contact.by_motion, contact.by_traction @ outside], axis=2)
+        if self._comm.allreduce(self._add_contact(contact.edge, blocks)):
             # The limb slid farther than was thought of.
             self._lay_out()
             self._add_tissues()
-            self._add_contact(numbers, outside)
-        self._contact_numbers, self._contact_inside = numbers, inside
+            self._add_contact(contact.edge, blocks)
+        self._by_traction, self._d_traction_inside = contact.by_traction, inside
         if self._comm.size > 1:
             self._csr.scatter_reverse()
             starts, columns, end = self._owned
@@ -259,39 +238,37 @@ class CondensedTangent:
     def _add_tissues(self) -> None:
         with TISSUE_TANGENT:
             for law in self._laws:
-                self._add_law(law)
+                self._library.call(
+                    "add_tangents",
+                    *law.arguments(self._element, self._geometry),
+                    self._keeps_constant,
+                    self._positions,
+                    self.inverse,
+                    self.coupling,
+                    self._csr.data,
+                )
 
-    def _add_law(self, law: CellLaw) -> None:
-        coefficients = law.coefficients()
-        self._c.add_cells(
-            law.kernel,
-            self._pointer(self._element),
-            len(law.cells),
-            self._pointer(law.cells),
-            self._pointer(coefficients),
-            coefficients.shape[1],
-            self._pointer(self._geometry.x),
-            self._pointer(self._geometry.dofmap),
-            self._pointer(self._keeps_constant),
-            self._pointer(self._positions),
-            self._pointer(self.inverse),
-            self._pointer(self.coupling),
-            self._pointer(self._csr.data),
-        )
-
-    def _add_contact(self, numbers: IntArray, outside: FloatArray) -> int:
+    def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
         """Add contact to the matrix; return how many entries its pattern lacks."""
+        if self._contact_edge is None or not np.array_equal(edge, self._contact_edge):
+            self._contact_edge = edge
+            self._contact_rows = np.concatenate(
+                [self._skin_numbers, self._socket_numbers[edge]], axis=1
+            )
+            columns = np.concatenate([self._contact_rows, self._numbers[self._skin_cells]], axis=1)
+            self._contact_positions = self._locate(self._contact_rows, columns)
         return int(
-            self._c.add_blocks(
-                len(numbers),
-                numbers.shape[1],
-                self._pointer(numbers),
-                self._pointer(outside),
-                self._pointer(self._starts),
-                self._pointer(self._columns),
-                self._pointer(self._csr.data),
+            self._library.call(
+                "add_at", blocks.size, self._contact_positions, blocks, self._csr.data
             )
         )
+
+    def _locate(self, rows: IntArray, columns: IntArray) -> IntArray:
+        """Places of blocks among the matrix's values, or why there is none; (n, k, m)."""
+        (n, k), m = rows.shape, columns.shape[1]
+        positions = np.empty((n, k, m), dtype=np.int32)
+        self._library.call("locate", n, k, rows, m, columns, self._starts, self._columns, positions)
+        return positions
 
     def negative_inside(self) -> int:
         """Count the negative eigenvalues of K_ii, of all cells (collective)."""
@@ -352,13 +329,14 @@ class CondensedTangent:
         r, values = residual.array_r, self._vector.array
         values[:] = 0.0
         values[: len(self._dofs)] = r[self._dofs]
-        self._c.forward(
+        self._library.call(
+            "forward",
             len(self._inside),
-            self._pointer(r),
-            self._pointer(self._inside),
-            self._pointer(self._numbers),
-            self._pointer(self.coupling),
-            self._pointer(values),
+            r,
+            self._inside,
+            self._numbers,
+            self.coupling,
+            values,
         )
         self._add_contact_inside(-1.0, self._alone(r), values)
         self._vector.scatter_reverse(la.InsertMode.add)
@@ -369,15 +347,16 @@ class CondensedTangent:
         residual.copy(solution)
         x = solution.array
         x[self._dofs] = values[: len(self._dofs)]
-        self._c.backward(
+        self._library.call(
+            "backward",
             len(self._inside),
-            self._pointer(r),
-            self._pointer(self._inside),
-            self._pointer(self._numbers),
-            self._pointer(self.inverse),
-            self._pointer(self.coupling),
-            self._pointer(values),
-            self._pointer(x),
+            r,
+            self._inside,
+            self._numbers,
+            self.inverse,
+            self.coupling,
+            values,
+            x,
         )
 
     def _alone(self, r: FloatArray) -> FloatArray:
@@ -388,11 +367,7 @@ class CondensedTangent:
 
     def _add_contact_inside(self, factor: float, inside: FloatArray, values: FloatArray) -> None:
         """Add factor K_oi x_i of contact alone."""
-        change = factor * np.einsum("noi,ni->no", self._contact_inside, inside)
-        there = self._contact_numbers >= 0
-        np.add.at(values, self._contact_numbers[there], change[there])
-
-    def _pointer(self, array: NDArray[Any]) -> Any:
-        """Address of a contiguous array for C, with its type checked there."""
-        assert array.flags.c_contiguous
-        return self._ffi.from_buffer(_C_TYPES[array.dtype], array)
+        traction = np.einsum("nci,ni->nc", self._d_traction_inside, inside)
+        change = factor * np.einsum("noc,nc->no", self._by_traction, traction)
+        there = self._contact_rows >= 0
+        np.add.at(values, self._contact_rows[there], change[there])

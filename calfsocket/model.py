@@ -1,16 +1,16 @@
 """A case made discrete: mesh, spaces, tissues and contact, as residual and tangent."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import ufl
-from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
+from dolfinx import fem, la
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from calfsocket.cells import quadrature
 from calfsocket.condensation import CondensedTangent
@@ -20,6 +20,7 @@ from calfsocket.errors import InputError
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.internal_force import InternalForce
 from calfsocket.laws import Law, law_fields, law_tags
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
@@ -102,18 +103,14 @@ class Model:
         laws = {section.regions[name]: law for name, law in region_laws.items()}
         self.fields = law_fields(domain, section.cell_tags, laws)
         self.law_tags = law_tags(domain, section.cell_tags, laws)
-        dx = mixed.volume_measure(domain, self.law_tags)
-        residual = mixed.residual(self.w, self.fields, dx)
         frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
         stiffness = self.bedding_stiffness(frictionless)
         self._has_bedding = bool(stiffness)
         if self._has_bedding:
             self.bedding = self._by_region(stiffness)
             self.anchor = fem.Function(self.V)
-            u, anchor = ufl.split(self.w)[0], ufl.split(self.anchor)[0]
-            residual += self.bedding * ufl.inner(u - anchor, ufl.TestFunctions(self.V)[0]) * dx
-        self._residual = fem.form(residual, jit_options=COMPILER_OPTIONS)
-        self._b = fem_petsc.create_vector(self._residual)
+        self._internal_force = InternalForce(self.V, self._by_law(self._stresses))
+        self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
         held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
             held[tags.SOCKET_OUTER] = (0, 1)
@@ -169,22 +166,39 @@ class Model:
         index_map = self.V.dofmap.index_map
         size = (index_map.size_local, index_map.size_global)
         condensed = CondensedTangent(
-            self.V, self._moduli(), self._constrained, self._keeps_constant(), self.contact
+            self.V,
+            self._by_law(self._moduli),
+            self._constrained,
+            self._keeps_constant(),
+            self.contact,
         )
         return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
 
-    def _moduli(self) -> list[tuple[fem.Expression, NDArray[np.int32]]]:
-        """Tangent moduli of each law, and its owned cells."""
+    def _moduli(self, law: str) -> Expr:
+        """Tangent moduli of a law at the present unknowns."""
+        bedding = self.bedding if self._has_bedding else 0.0
+        return mixed.moduli(law, *self._strain(), self.fields, bedding)
+
+    def _stresses(self, law: str) -> Expr:
+        """Stresses of a law at the present unknowns."""
+        bedding = None
+        if self._has_bedding:
+            bedding = self.bedding * (ufl.split(self.w)[0] - ufl.split(self.anchor)[0])
+        return mixed.stresses(law, *self._strain(), self.fields, bedding)
+
+    def _strain(self) -> tuple[Expr, Expr]:
         u, p_dof = ufl.split(self.w)
-        F, p = deformation_gradient(u), mixed.pressure(p_dof, self.fields)
+        return deformation_gradient(u), mixed.pressure(p_dof, self.fields)
+
+    def _by_law(
+        self, at_points: Callable[[str], Expr]
+    ) -> list[tuple[fem.Expression, NDArray[np.int32]]]:
+        """Compile an expression for each law; return it with the law's owned cells."""
         owned = self.section.mesh.topology.index_map(2).size_local
         found = []
         for law, tag in mixed.LAW_IDS.items():
             expression = fem.Expression(
-                mixed.moduli(law, F, p, self.fields, self.bedding if self._has_bedding else 0.0),
-                quadrature()[0],
-                comm=self.comm,
-                jit_options=COMPILER_OPTIONS,
+                at_points(law), quadrature()[0], comm=self.comm, jit_options=COMPILER_OPTIONS
             )
             cells = self.law_tags.find(tag)
             found.append((expression, cells[cells < owned]))
@@ -217,7 +231,7 @@ class Model:
         self.set_unknowns(x)
         condensed = A.getPythonContext()
         condensed.keep(self._keeps_constant())
-        condensed.assemble(*self.contact.tangent())
+        condensed.assemble(self.contact.tangent())
         A.assemble()
 
     def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
@@ -225,7 +239,7 @@ class Model:
         self.set_unknowns(x)
         condensed = A.getPythonContext()
         condensed.keep(self._keeps_constant())
-        condensed.assemble(*self.contact.constraint_tangent())
+        condensed.assemble(self.contact.constraint_tangent())
         pressures = 3 * self.section.mesh.topology.index_map(2).size_global
         return condensed.matrix, pressures - condensed.negative_inside()
 
@@ -295,7 +309,7 @@ class Model:
         with TISSUE_RESIDUAL:
             with self._b.localForm() as local:
                 local.set(0.0)
-            fem_petsc.assemble_vector(self._b, self._residual)
+                self._internal_force.add(local.array_w)
             self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
         return self.contact.add_residual(self._b)
 

@@ -11,27 +11,58 @@ from pathlib import Path
 from typing import Any
 
 import cffi
+import numpy as np
 from dolfinx import jit
 from mpi4py import MPI
 
-SOURCE = Path(__file__).with_name("condensation.c")
+FOLDER = Path(__file__).parent
+SOURCES = ("cells.h", "internal_force.c", "condensation.c")
 COMPILE_ARGUMENTS = ["-O3", "-g0", "-fno-math-errno", "-fno-trapping-math"]
+_C_TYPES = {
+    np.dtype(np.float64): "double[]",
+    np.dtype(np.int32): "int32_t[]",
+    np.dtype(np.int64): "int64_t[]",
+    np.dtype(np.uint8): "uint8_t[]",
+}
 
 
-def library(comm: MPI.Comm) -> Any:
-    """Return the compiled functions of condensation.c (collective)."""
-    return jit.mpi_jit_decorator(_library)(comm)
+class Library:
+    """Compiled functions, which take arrays as they are.
+
+    Parameters
+    ----------
+    module : module
+        As cffi makes it.
+    """
+
+    def __init__(self, module: Any) -> None:
+        self._lib, self.ffi = module.lib, module.ffi
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Call a function; an array, which has to be contiguous, is its address there."""
+        return getattr(self._lib, name)(*map(self._argument, arguments))
+
+    def _argument(self, argument: Any) -> Any:
+        if not isinstance(argument, np.ndarray):
+            return argument
+        assert argument.flags.c_contiguous
+        return self.ffi.from_buffer(_C_TYPES[argument.dtype], argument)
+
+
+def library(comm: MPI.Comm) -> Library:
+    """Return the compiled functions of the C files (collective)."""
+    return Library(jit.mpi_jit_decorator(_module)(comm))
 
 
 @cache
-def _library() -> Any:
-    source = SOURCE.read_text(encoding="utf-8")
-    key = hashlib.sha256((source + " ".join(COMPILE_ARGUMENTS)).encode()).hexdigest()[:16]
+def _module() -> Any:
+    texts = [(FOLDER / name).read_text(encoding="utf-8") for name in SOURCES]
+    key = hashlib.sha256(" ".join(texts + COMPILE_ARGUMENTS).encode()).hexdigest()[:16]
     name = f"calfsocket_cells_{key}"
     cache_dir = Path(jit.get_options()["cache_dir"])
     target = cache_dir / (name + sysconfig.get_config_var("EXT_SUFFIX"))
     if not target.exists():
-        _compile(name, source, target)
+        _compile(name, "\n".join(texts), target)
     spec = importlib.util.spec_from_file_location(name, target)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -43,7 +74,12 @@ def _compile(name: str, source: str, target: Path) -> None:
     """Compile beside the target and move it there: a process that looks finds it whole."""
     builder = cffi.FFI()
     builder.cdef("\n".join(_prototypes(source)))
-    builder.set_source(name, source, extra_compile_args=COMPILE_ARGUMENTS)
+    builder.set_source(
+        name,
+        "\n".join(f'#include "{file}"' for file in SOURCES),
+        include_dirs=[str(FOLDER)],
+        extra_compile_args=COMPILE_ARGUMENTS,
+    )
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         os.replace(builder.compile(tmpdir=folder), target)

@@ -194,6 +194,27 @@ def moduli(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | float 
     return ufl.as_vector([*entries, -(scale**2) * fields.inverse_bulk, ufl.as_ufl(bedding)])
 
 
+def stresses(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | None = None) -> Expr:
+    """Return what the residual has at a point, for residuals that are put together without UFL.
+
+    Parameters
+    ----------
+    law, F, p, fields
+        As of `first_piola`.
+    bedding : Expr, optional
+        Force of a bedding (2,), N/mm^3.
+
+    Returns
+    -------
+    Expr
+        (7,): P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa; and the bedding's force.
+    """
+    P = first_piola(law, F, p, fields)
+    volumetric = fields.pressure_scale * (ufl.det(F) - 1.0 - p * fields.inverse_bulk)
+    force = ufl.as_vector((0.0, 0.0)) if bedding is None else bedding
+    return ufl.as_vector([P[0, 0], P[0, 1], P[1, 0], P[1, 1], volumetric, force[0], force[1]])
+
+
 def volume_measure(domain: ufl.Mesh, law_tags: object) -> ufl.Measure:
     """Return dx with the quadrature of the section and the cell tags of the laws (`LAW_IDS`)."""
     return ufl.Measure(

@@ -96,6 +96,31 @@ class Face:
         return cls(entities, nodes, dofs, inside.reshape(-1, 2))
 
 
+@dataclass(frozen=True)
+class ContactTangent:
+    """Derivative of the contact residual, a block a skin point.
+
+    Rows are the displacements of the nodes of the point's skin edge, and then of the socket's
+    edge that it is at, two components each; so are the columns of `by_motion`.
+
+    Attributes
+    ----------
+    edge : (n,)
+        The socket's edge along its chain.
+    by_motion : (n, 12, 12)
+        By those displacements, with the skin's nominal traction T held.
+    by_traction : (n, 12, 2)
+        By T.
+    d_traction : (n, 2, k)
+        T by the k unknowns of the skin's cell.
+    """
+
+    edge: IntArray
+    by_motion: FloatArray
+    by_traction: FloatArray
+    d_traction: FloatArray
+
+
 class ContactInterface:
     """Frictional contact between skin and socket, on the communicator of the mesh.
 
@@ -162,8 +187,7 @@ class ContactInterface:
         self._stress = fem.Expression(stress, on_edge, comm=self._comm)
         self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
         self.points, self._normal = self._skin_points(on_edge)
-        cell_dofs = V.dofmap.list[self.skin.entities[:, 0]]
-        dofs = _global(V.dofmap.index_map, cell_dofs)
+        dofs = _global(V.dofmap.index_map, self.skin.dofs).reshape(-1, 6)
         self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
@@ -208,14 +232,15 @@ class ContactInterface:
 
         reference = at_points(ufl.SpatialCoordinate(domain)).reshape(-1, 2)
         jacobian = at_points(ufl.Jacobian(domain)).reshape(-1, 2, 2)
-        shape = at_points(ufl.TestFunctions(self._w.function_space)[0])
         direction = np.repeat(_EDGE_DIRECTION[entities[:, 1]], n_points, axis=0)
         along = np.einsum("ncd,nd->nc", jacobian, direction)
         length = np.linalg.norm(along, axis=1)
+        values = shape_functions(self.edge_parameters)[0]
+        shape = np.einsum("qa,cd->qcad", values, np.eye(2)).reshape(n_points, 2, 6)
         points = SkinPoints(
             reference=reference,
             weight=np.tile(0.5 * self._edge_weights, len(entities)) * length,
-            shape=shape.reshape(-1, 2, self._w.function_space.element.space_dimension),
+            shape=np.tile(shape, (len(entities), 1, 1)),
         )
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / length[:, None]
         # Which side is out depends on the facet and on the cell's orientation.
@@ -242,7 +267,7 @@ class ContactInterface:
 
     def nominal_traction_variation(self) -> FloatArray:
         """Return its derivative by the k unknowns of each point's cell; (n, 2, k)."""
-        n, _, k = self.points.shape.shape
+        n, k = len(self.points.weight), self._w.function_space.element.space_dimension
         d_stress = self._evaluate(self._d_stress).reshape(n, 2, 2, k)
         return np.einsum("ncdk,nd->nck", d_stress, self._normal)
 
@@ -305,29 +330,23 @@ class ContactInterface:
             b.assemble()
         return state
 
-    def tangent(self) -> tuple[FloatArray, IntArray]:
-        """Contact tangent at the present unknowns and load (collective).
-
-        Returns
-        -------
-        blocks : (n, k + 6, k + 6)
-            Of each skin point: rows and columns are the k unknowns of its cell, then the two
-            components at the nodes of the socket's edge.
-        edge : (n,)
-            That edge along the socket's chain.
-        """
+    def tangent(self) -> ContactTangent:
+        """Contact tangent at the present unknowns and load (collective)."""
         with CONTACT_TANGENT:
             nominal = self.nominal_traction()
             state = self.state(nominal)
-            d_nominal = self.nominal_traction_variation()
-            blocks = nitsche.tangent(self.points, state, nominal, d_nominal, self.parameters)
-        return blocks, state.projection.edge
+            blocks = nitsche.tangent(self.points, state, nominal, self.parameters)
+            return ContactTangent(state.projection.edge, *blocks, self.nominal_traction_variation())
 
-    def constraint_tangent(self) -> tuple[FloatArray, IntArray]:
+    def constraint_tangent(self) -> ContactTangent:
         """Return contact as a constraint, as `tangent`, to count negative modes (collective)."""
         state = self.state()
-        blocks = nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS)
-        return blocks, state.projection.edge
+        by_motion = nitsche.constraint_tangent(self.points, state, CONSTRAINT_STIFFNESS)
+        k = self._w.function_space.element.space_dimension
+        n, rows, _ = by_motion.shape
+        return ContactTangent(
+            state.projection.edge, by_motion, np.zeros((n, rows, 2)), np.zeros((n, 2, k))
+        )
 
     def edges_ahead(self) -> IntArray:
         """Socket edges within `PATTERN_REACH` of slip, a row a skin edge (collective)."""

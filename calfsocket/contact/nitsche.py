@@ -65,8 +65,8 @@ class SkinPoints:
         Undeformed position, in mm.
     weight : (n,)
         Quadrature weight times undeformed edge length element, in mm.
-    shape : (n, 2, k)
-        Displacement of the point per unit of each of the k unknowns of its cell.
+    shape : (n, 2, m)
+        Displacement of the point per unit of each of the m displacements of its edge's nodes.
     """
 
     reference: FloatArray
@@ -155,8 +155,8 @@ def residual(points: SkinPoints, state: ContactState) -> tuple[FloatArray, Float
 
     Returns
     -------
-    skin : (n, k)
-        Entries for the unknowns of the point's skin cell, in N/mm.
+    skin : (n, m)
+        Entries for the displacements of the skin edge's nodes, in N/mm.
     socket : (n, 3, 2)
         Entries for the displacements of the socket edge's nodes, in N/mm.
     """
@@ -170,9 +170,8 @@ def tangent(
     points: SkinPoints,
     state: ContactState,
     nominal_traction: FloatArray,
-    d_nominal_traction: FloatArray,
     parameters: ContactParameters,
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     """Exact derivative of `residual`: projection, normal, tangent and T all vary.
 
     Parameters
@@ -181,27 +180,25 @@ def tangent(
         As in `residual`.
     nominal_traction : (n, 2)
         T in MPa.
-    d_nominal_traction : (n, 2, k)
-        Derivative of T with respect to the k unknowns of the skin cell.
     parameters : ContactParameters
         Friction and Nitsche stiffness.
 
     Returns
     -------
-    (n, k + 6, k + 6)
-        Rows and columns: the k unknowns of the skin cell, then the socket edge's nodes with their
-        two components each.
+    by_motion : (n, m + 6, m + 6)
+        With T held. Rows and columns: the m displacements of the skin edge's nodes, then those of
+        the socket edge's nodes with their two components each.
+    by_traction : (n, m + 6, 2)
+        By T.
     """
     at, law = state.projection, state.traction
-    n, _, k = points.shape.shape
+    n, _, m = points.shape.shape
     d_values = shape_functions(at.xi)[1]
 
-    # Variations as row vectors over the k + 6 unknowns: of x - y, of y' at fixed xi, of T.
+    # Variations as row vectors over the m + 6 displacements: of x - y, of y' at fixed xi.
     d_offset = _offset_variation(points, at)
-    d_first = np.zeros((n, 2, k + 6))
-    d_first[:, :, k:] = np.einsum("na,cd->ncad", d_values, np.eye(2)).reshape(n, 2, 6)
-    d_nominal = np.zeros((n, 2, k + 6))
-    d_nominal[:, :, :k] = d_nominal_traction
+    d_first = np.zeros((n, 2, m + 6))
+    d_first[:, :, m:] = np.einsum("na,cd->ncad", d_values, np.eye(2)).reshape(n, 2, 6)
 
     # Closest point: (x - y) . y' = 0 stays true. At it, x - y = gap n.
     offset = state.gap[:, None] * at.normal
@@ -214,16 +211,8 @@ def tangent(
 
     nominal_n = np.sum(nominal_traction * at.normal, axis=1)
     nominal_e = np.sum(nominal_traction * at.tangent, axis=1)
-    d_trial_pressure = (
-        _rows(at.normal, d_nominal)
-        - nominal_e[:, None] * turn
-        - parameters.gamma * _rows(at.normal, d_offset)
-    )
-    d_trial_shear = (
-        _rows(at.tangent, d_nominal)
-        + nominal_n[:, None] * turn
-        - parameters.gamma_t * at.darc[:, None] * d_xi
-    )
+    d_trial_pressure = -nominal_e[:, None] * turn - parameters.gamma * _rows(at.normal, d_offset)
+    d_trial_shear = nominal_n[:, None] * turn - parameters.gamma_t * at.darc[:, None] * d_xi
     d_pressure = law.d_pressure[:, None] * d_trial_pressure
     d_shear = (
         law.d_shear_pressure[:, None] * d_trial_pressure
@@ -233,11 +222,18 @@ def tangent(
         at.normal[:, :, None] * (d_pressure + law.shear[:, None] * turn)[:, None, :]
         + at.tangent[:, :, None] * (d_shear - law.pressure[:, None] * turn)[:, None, :]
     )
-    matrix = -(d_offset.transpose(0, 2, 1) @ d_traction)
+    lever = -points.weight[:, None, None] * d_offset.transpose(0, 2, 1)
+    by_motion = lever @ d_traction
     # The socket's test functions move along the edge with the closest point.
     moving = np.einsum("na,nc->nac", d_values, _traction_vector(state)).reshape(n, 6)
-    matrix[:, k:, :] += moving[:, :, None] * d_xi[:, None, :]
-    return points.weight[:, None, None] * matrix
+    by_motion[:, m:, :] += (points.weight[:, None] * moving)[:, :, None] * d_xi[:, None, :]
+
+    normal, along = at.normal[:, None, :], at.tangent[:, None, :]
+    by_nominal = at.normal[:, :, None] * (law.d_pressure[:, None, None] * normal)
+    by_nominal += at.tangent[:, :, None] * (
+        law.d_shear_pressure[:, None, None] * normal + law.d_shear_shear[:, None, None] * along
+    )
+    return by_motion, lever @ by_nominal
 
 
 def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float) -> FloatArray:
@@ -260,11 +256,11 @@ def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float
 
     Returns
     -------
-    (n, k + 6, k + 6)
-        As of `tangent`; symmetric where the gap is closed.
+    (n, m + 6, m + 6)
+        As `by_motion` of `tangent`; symmetric where the gap is closed.
     """
     at, law = state.projection, state.traction
-    n, _, k = points.shape.shape
+    n = len(points.weight)
     none = np.zeros(n)
     slipping = law.status == SLIP
     pressed = ContactTraction(
@@ -275,11 +271,10 @@ def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float
         d_shear_pressure=none,
         d_shear_shear=none,
     )
-    curvature = tangent(
+    curvature, _ = tangent(
         points,
         replace(state, traction=pressed),
         nominal_traction=np.zeros((n, 2)),
-        d_nominal_traction=np.zeros((n, 2, k)),
         parameters=ContactParameters(gamma=0.0, gamma_t=0.0),
     )
     d_offset = _offset_variation(points, at)
@@ -293,7 +288,7 @@ def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float
 
 
 def _offset_variation(points: SkinPoints, at: Projection) -> FloatArray:
-    """Variation of x - y at fixed xi over the k + 6 unknowns; (n, 2, k + 6)."""
+    """Variation of x - y at fixed xi over the m + 6 displacements; (n, 2, m + 6)."""
     values = shape_functions(at.xi)[0]
     socket = -np.einsum("na,cd->ncad", values, np.eye(2)).reshape(len(values), 2, 6)
     return np.concatenate([points.shape, socket], axis=2)

@@ -154,21 +154,23 @@ class EdgeChain:
         return self._describe(edge, xi[rows, order], nodes[edge])
 
     def _describe(self, edge: IntArray, xi: FloatArray, nodes: FloatArray) -> Projection:
-        values, d_values, dd_values = shape_functions(xi)
-        first = np.einsum("na,nac->nc", d_values, nodes)
-        tangent = first / np.linalg.norm(first, axis=1, keepdims=True)
-        reference = self.reference[edge]
+        middle, slope, bend = _polynomial(nodes)
+        at = xi[:, None]
+        first = slope + 2.0 * at * bend
+        tangent = first / np.hypot(first[:, :1], first[:, 1:])
+        _, slope_before, bend_before = _polynomial(self.reference[edge])
+        before = slope_before + 2.0 * at * bend_before
         past_end = ((edge == 0) & (xi < -1)) | ((edge == len(self.start) - 1) & (xi > 1))
         return Projection(
             edge=edge,
             xi=xi,
-            point=np.einsum("na,nac->nc", values, nodes),
+            point=middle + at * (slope + at * bend),
             tangent=tangent,
             normal=np.stack([-tangent[:, 1], tangent[:, 0]], axis=1),
             first=first,
-            second=np.einsum("na,nac->nc", dd_values, nodes),
+            second=2.0 * bend,
             arc=self.arc(edge, xi),
-            darc=np.linalg.norm(np.einsum("na,nac->nc", d_values, reference), axis=1),
+            darc=np.hypot(before[:, 0], before[:, 1]),
             beyond=past_end & (not self.closed),
         )
 
@@ -256,6 +258,17 @@ def along_chain(
     return np.take_along_axis(edge_values[order], node_order[:, :, None], axis=1)
 
 
+def _polynomial(nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Coefficients a, b, c (..., 2) of y(xi) = a + b xi + c xi^2 on edges (..., 3, 2)."""
+    first, second, middle = np.moveaxis(nodes, -2, 0)
+    return middle, 0.5 * (second - first), 0.5 * (first + second) - middle
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Scalar product of (..., 2) vectors."""
+    return one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1]
+
+
 def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Stationary parameter and distance on each candidate edge; shapes (n, k).
 
@@ -263,11 +276,9 @@ def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray
 
         d.b + (2 d.c - b.b) xi - 3 b.c xi^2 - 2 c.c xi^3.
     """
-    first, second, middle = np.moveaxis(nodes, -2, 0)
-    d, b, c = points - middle, 0.5 * (second - first), 0.5 * (first + second) - middle
-    db, dc, bb, bc, cc = (
-        np.sum(one * other, axis=-1) for one, other in ((d, b), (d, c), (b, b), (b, c), (c, c))
-    )
+    middle, b, c = _polynomial(nodes)
+    d = points - middle
+    db, dc, bb, bc, cc = _dot(d, b), _dot(d, c), _dot(b, b), _dot(b, c), _dot(c, c)
     linear = 2 * dc - bb
     xi = np.zeros(np.broadcast_shapes(db.shape, bb.shape))
     for _ in range(_NEWTON_STEPS):
@@ -279,12 +290,13 @@ def _closest_on_edges(points: FloatArray, nodes: FloatArray) -> tuple[FloatArray
         if np.abs(xi - before).max(initial=0.0) < _NEWTON_TOLERANCE:
             break
     offset = d - xi[..., None] * (b + xi[..., None] * c)
-    return xi, np.linalg.norm(offset, axis=-1)
+    return xi, np.hypot(offset[..., 0], offset[..., 1])
 
 
 def _partial_length(edges: FloatArray, xi: FloatArray) -> FloatArray:
     """Arc length of each edge from its first vertex to xi, in mm (8-point Gauss)."""
     half = 0.5 * (xi + 1.0)
     at = -1.0 + half[:, None] * (_ARC_POINTS + 1.0)
-    first = np.einsum("nqa,nac->nqc", shape_functions(at)[1], edges)
-    return half * (np.linalg.norm(first, axis=-1) @ _ARC_WEIGHTS)
+    _, b, c = _polynomial(edges)
+    first = b[:, None, :] + 2.0 * at[:, :, None] * c[:, None, :]
+    return half * (np.hypot(first[..., 0], first[..., 1]) @ _ARC_WEIGHTS)
