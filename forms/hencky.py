@@ -18,11 +18,11 @@ doi:10.1115/1.3424532.
 import ufl
 from ufl.core.expr import Expr
 
-from calfsocket.forms.kinematics import log_ratio_squared
+from calfsocket.forms.kinematics import Jet, log_ratio_squared
 
 
-def energy(x: Expr, J: Expr, mu: Expr) -> Expr:
-    """Isochoric energy per reference volume, MPa.
+def energy(x: Expr, J: Expr, mu: Expr) -> Jet:
+    """Isochoric energy per reference volume and its derivatives by x, MPa.
 
     Parameters
     ----------
@@ -31,4 +31,5 @@ def energy(x: Expr, J: Expr, mu: Expr) -> Expr:
     mu : Expr
         Shear modulus, MPa.
     """
-    return mu * (0.5 * log_ratio_squared(x) + ufl.ln(J) ** 2 / 6.0)
+    shear = 0.5 * mu * log_ratio_squared(x)
+    return Jet(shear.value + mu * ufl.ln(J) ** 2 / 6.0, shear.first, shear.second)

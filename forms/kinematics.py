@@ -15,6 +15,7 @@ D(F) and cof F are linear in F, which makes second derivatives as short as the f
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import ufl
@@ -57,7 +58,31 @@ def stretch_difference_squared(F: Expr) -> Expr:
     return (F[0, 0] - F[1, 1]) ** 2 + (F[0, 1] + F[1, 0]) ** 2
 
 
-def log_ratio_squared(x: Any, sqrt: Any = ufl.sqrt) -> Any:
+@dataclass(frozen=True)
+class Jet:
+    """Value of a function of one variable and its first two derivatives: UFL or arrays.
+
+    Series have them written out: UFL's derivative of Horner's rule takes several times the work.
+    """
+
+    value: Any
+    first: Any
+    second: Any
+
+    def of(self, inner: "Jet") -> "Jet":
+        """Chain rule: this function, taken at the value of `inner`."""
+        return Jet(
+            self.value,
+            self.first * inner.first,
+            self.second * inner.first**2 + self.first * inner.second,
+        )
+
+    def __rmul__(self, factor: Any) -> "Jet":
+        """Multiply by a constant."""
+        return Jet(factor * self.value, factor * self.first, factor * self.second)
+
+
+def log_ratio_squared(x: Any, sqrt: Any = ufl.sqrt) -> Jet:
     r"""ln^2(l1/l2) as a smooth function of x = q/(2J) = cosh(ln(l1/l2)) - 1.
 
     Halving the logarithm d, x' = cosh(d/2) - 1 = (x/2) / (1 + sqrt(1 + x/2)), brings x near zero,
@@ -70,25 +95,34 @@ def log_ratio_squared(x: Any, sqrt: Any = ufl.sqrt) -> Any:
     sqrt : callable
         The square root that goes with x: `ufl.sqrt` or `numpy.sqrt`.
     """
+    halved = Jet(x, 1.0, 0.0)
     for _ in range(LOG_HALVINGS):
-        x = 0.5 * x / (1.0 + sqrt(1.0 + 0.5 * x))
-    return 4.0**LOG_HALVINGS * x * horner(LOG_COEFFICIENTS, x)
+        root = sqrt(1.0 + 0.5 * halved.value)
+        slope = 0.25 / root
+        halved = Jet(0.5 * halved.value / (1.0 + root), slope, -4.0 * slope * slope**2).of(halved)
+    return 4.0**LOG_HALVINGS * power_series(LOG_COEFFICIENTS, halved.value).of(halved)
 
 
-def cosh_minus_one(t: Any) -> Any:
+def cosh_minus_one(t: Any) -> Jet:
     r"""cosh(sqrt(t)) - 1, smooth in t >= 0 and without cancellation (UFL expression or array).
 
     c(t) = sum_{n>=1} t^n / (2n)! at t / 4^k, then k times c(4t) = 2 c(t) (2 + c(t)).
     """
-    t = 4.0**-COSH_HALVINGS * t
-    c = t * horner(COSH_COEFFICIENTS, t)
+    share = 4.0**-COSH_HALVINGS
+    c = power_series(COSH_COEFFICIENTS, share * t).of(Jet(share * t, share, 0.0))
     for _ in range(COSH_HALVINGS):
-        c = 2.0 * c * (2.0 + c)
+        c = Jet(2.0 * c.value * (2.0 + c.value), 4.0 * (1.0 + c.value), 4.0).of(c)
     return c
 
 
-def horner(coefficients: tuple[float, ...], x: Any) -> Any:
-    """Return c0 + c1 x + c2 x^2 + ... by Horner's rule (UFL expression or array)."""
+def power_series(coefficients: tuple[float, ...], x: Any) -> Jet:
+    """Return c1 x + c2 x^2 + ... by Horner's rule, for coefficients from c1 on."""
+    first = tuple(n * c for n, c in enumerate(coefficients, start=1))
+    second = tuple(n * c for n, c in enumerate(first[1:], start=1))
+    return Jet(x * _horner(coefficients, x), _horner(first, x), _horner(second, x))
+
+
+def _horner(coefficients: tuple[float, ...], x: Any) -> Any:
     value = coefficients[-1]
     for coefficient in reversed(coefficients[:-1]):
         value = coefficient + x * value

@@ -81,11 +81,11 @@ class Isochoric:
 def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
     """Isochoric energy of a law per reference volume at F (2x2), with its derivatives.
 
-    The law is differentiated by x = q/(2J) and J, so that its series in x is followed once, and the
-    chain rule, dx/dq = 1/(2J) and dx/dJ = -x/J, does the rest: half of the compiled work.
+    Laws are functions of x = q/(2J) and J; the chain rule, dx/dq = 1/(2J) and dx/dJ = -x/J, does
+    the rest.
     """
     J = ufl.variable(ufl.det(F))
-    x = ufl.variable(stretch_difference_squared(F) / (2.0 * ufl.det(F)))
+    x = stretch_difference_squared(F) / (2.0 * ufl.det(F))
     match law:
         case "ogden":
             psi = ogden.energy(x, J, fields.ogden_mu, fields.ogden_alpha)
@@ -95,19 +95,19 @@ def isochoric(law: str, F: Expr, fields: LawFields) -> Isochoric:
             psi = hencky.energy(x, J, fields.hencky_mu)
         case _:
             raise ValueError(f"law {law!r} is not one of {', '.join(LAW_IDS)}")
-    by_x, by_J = ufl.diff(psi, x), ufl.diff(psi, J)
-    by_xx, by_xJ, by_JJ = ufl.diff(by_x, x), ufl.diff(by_x, J), ufl.diff(by_J, J)
-    psi, J, x, by_x, by_J, by_xx, by_xJ, by_JJ = map(
-        _without_variables, (psi, J, x, by_x, by_J, by_xx, by_xJ, by_JJ)
+    by_J, by_xJ = ufl.diff(psi.value, J), ufl.diff(psi.first, J)
+    value, by_x, by_xx, by_J, by_xJ, by_JJ = map(
+        _without_variables, (psi.value, psi.first, psi.second, by_J, by_xJ, ufl.diff(by_J, J))
     )
-    x_q, x_J = 0.5 / J, -x / J
+    one_J = 1.0 / ufl.det(F)
+    x_q, x_J = 0.5 * one_J, -x * one_J
     return Isochoric(
-        psi=psi,
+        psi=value,
         q=by_x * x_q,
         J=by_J + by_x * x_J,
         qq=by_xx * x_q**2,
-        qJ=(by_xJ + by_xx * x_J - by_x / J) * x_q,
-        JJ=by_JJ + (2.0 * by_xJ + by_xx * x_J - 2.0 * by_x / J) * x_J,
+        qJ=(by_xJ + by_xx * x_J - by_x * one_J) * x_q,
+        JJ=by_JJ + (2.0 * by_xJ + by_xx * x_J - 2.0 * by_x * one_J) * x_J,
     )
 
 

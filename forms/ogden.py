@@ -21,11 +21,11 @@ from collections.abc import Sequence
 import ufl
 from ufl.core.expr import Expr
 
-from calfsocket.forms.kinematics import cosh_minus_one, log_ratio_squared
+from calfsocket.forms.kinematics import Jet, cosh_minus_one, log_ratio_squared
 
 
-def energy(x: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Expr:
-    """Isochoric energy per reference volume, MPa.
+def energy(x: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Jet:
+    """Isochoric energy per reference volume and its derivatives by x, MPa.
 
     Parameters
     ----------
@@ -38,9 +38,13 @@ def energy(x: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Expr:
     """
     d_squared = log_ratio_squared(x)
     log_J = ufl.ln(J)
-    psi = 0.0
+    psi, by_x, by_xx = 0.0, 0.0, 0.0
     for mu_i, alpha_i in zip(mu, alpha, strict=True):
         s = ufl.exp(alpha_i * log_J / 6.0)
-        distorted = 2.0 * s * cosh_minus_one(0.25 * alpha_i**2 * d_squared)
-        psi += 2.0 * mu_i / alpha_i**2 * (distorted + (s - 1.0) ** 2 * (2.0 * s + 1.0) / s**2)
-    return psi
+        inner = 0.25 * alpha_i**2 * d_squared
+        distorted = 2.0 * s * cosh_minus_one(inner.value).of(inner)
+        factor = 2.0 * mu_i / alpha_i**2
+        psi += factor * (distorted.value + (s - 1.0) ** 2 * (2.0 * s + 1.0) / s**2)
+        by_x += factor * distorted.first
+        by_xx += factor * distorted.second
+    return Jet(psi, by_x, by_xx)

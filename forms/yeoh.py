@@ -13,9 +13,11 @@ Yeoh, Some forms of the strain energy function for rubber, 1993, doi:10.5254/1.3
 import ufl
 from ufl.core.expr import Expr
 
+from calfsocket.forms.kinematics import Jet
 
-def energy(x: Expr, J: Expr, c10: Expr, c20: Expr, c30: Expr) -> Expr:
-    """Isochoric energy per reference volume, MPa.
+
+def energy(x: Expr, J: Expr, c10: Expr, c20: Expr, c30: Expr) -> Jet:
+    """Isochoric energy per reference volume and its derivatives by x, MPa.
 
     Parameters
     ----------
@@ -25,5 +27,10 @@ def energy(x: Expr, J: Expr, c10: Expr, c20: Expr, c30: Expr) -> Expr:
         Coefficients, MPa.
     """
     s = ufl.exp(ufl.ln(J) / 3.0)
-    i = (2.0 * J * x + (s - 1.0) ** 2 * (2.0 * s + 1.0)) / s**2
-    return i * (c10 + i * (c20 + i * c30))
+    i_x = 2.0 * J / s**2
+    i = i_x * x + (s - 1.0) ** 2 * (2.0 * s + 1.0) / s**2
+    return Jet(
+        i * (c10 + i * (c20 + i * c30)),
+        c10 + i * (2.0 * c20 + i * 3.0 * c30),
+        2.0 * c20 + i * 6.0 * c30,
+    ).of(Jet(i, i_x, 0.0))
