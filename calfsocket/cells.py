@@ -1,25 +1,27 @@
 """What the loops over cells in C need of the element and of the laws, as plain arrays."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import basix
 import numpy as np
-import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 from numpy.typing import NDArray
 
+from calfsocket import native
 from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
-from calfsocket.native import Library
+from calfsocket.forms.mixed import LAW_IDS, LawFields
+from calfsocket.law_kernels import parameter_list
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-# Shape functions of a displacement component, filled up with zeros to whole vectors.
-LANES = 8
+# Quadrature points and shape functions of a displacement component, filled up to whole vectors.
+EIGHT = 8
 # Nodes of a cell with quadratic geometry.
 NODES = 6
-# Of a law: two sets of unknowns, and its parameters.
-MOST_COEFFICIENTS = 64
+# As in cells.h.
+MOST_PARAMETERS = 32
 
 
 def quadrature() -> tuple[FloatArray, FloatArray]:
@@ -43,57 +45,100 @@ def reference_element(V: fem.FunctionSpace) -> FloatArray:
     if node.dim != NODES:
         raise ValueError(f"cells have {node.dim} nodes, not {NODES}")
     table = scalar.tabulate(1, points)
-    shape, *gradient = np.pad(table, ((0, 0), (0, 0), (0, LANES - table.shape[2])))
+    shape, *gradient = np.pad(table, ((0, 0), (0, 0), (0, EIGHT - table.shape[2])))
     vertices = pressure.tabulate(0, points)[0]
+
+    def by_points(values: FloatArray) -> FloatArray:
+        """Points come last, the last one in the place of those that are missing."""
+        filled = np.pad(values, [(0, EIGHT - len(values))] + [(0, 0)] * (values.ndim - 1), "edge")
+        return np.moveaxis(filled, 0, -1)
+
     parts = [
-        weights,
-        np.stack(node.tabulate(1, points)[1:], axis=-1),
+        np.pad(weights, (0, EIGHT - len(weights))),
+        by_points(np.stack(node.tabulate(1, points)[1:], axis=-1)),
+        by_points(np.stack(table[1:], axis=-1)),
+        by_points(np.column_stack([np.ones(len(points)), vertices[:, 1:]])),
         shape,
         np.stack(gradient, axis=1),
-        np.column_stack([np.ones(len(points)), vertices[:, 1:]]),
     ]
     return np.concatenate([part.ravel() for part in parts])
 
 
-class CellLaw:
-    """What a law gives at the points of its cells: a compiled expression and its coefficients.
+class CellLoops:
+    """Residuals and tangents of the tissues, by the loops in C over this rank's cells.
 
     Parameters
     ----------
-    library : native.Library
-        The compiled loops.
-    expression : fem.Expression
-        At the points of `quadrature`.
-    cells : (n,) int
-        Owned cells that have the law.
+    w : fem.Function
+        Displacement (mm) and scaled pressure in the space of `forms.element.section_element`.
+    fields : LawFields
+        Parameters of the laws, DG0 functions.
+    law_cells : mapping of law to (n,) int
+        Owned cells of each of `mixed.LAW_IDS`: each cell once.
+    bedding : (fem.Function, fem.Function), optional
+        Stiffness of a bedding in each cell (DG0, N/mm^3), and where it is at rest (in w's space).
     """
 
-    def __init__(self, library: Library, expression: fem.Expression, cells: IntArray) -> None:
-        ufcx = expression.ufcx_expression
-        self.kernel = int(library.ffi.cast("intptr_t", ufcx.tabulate_tensor_float64))
-        self.cells = np.ascontiguousarray(cells, dtype=np.int32)
-        functions = ufl.algorithms.extract_coefficients(expression.ufl_expression)
-        self._used = [
-            functions[ufcx.original_coefficient_positions[i]] for i in range(ufcx.num_coefficients)
+    def __init__(
+        self,
+        w: fem.Function,
+        fields: LawFields,
+        law_cells: Mapping[str, IntArray],
+        bedding: tuple[fem.Function, fem.Function] | None = None,
+    ) -> None:
+        V = w.function_space
+        self.ogden_terms = len(fields.ogden_mu)
+        self._library = native.library(V.mesh.comm, self.ogden_terms)
+        self._laws = [
+            (number, np.ascontiguousarray(law_cells[law], dtype=np.int32))
+            for number, law in enumerate(LAW_IDS)
         ]
-        addresses = []
-        for f in self._used:
-            dofs = f.function_space.dofmap.list
-            assert f.x.array.dtype == np.float64 and dofs.dtype == np.int32
-            assert f.x.array.flags.c_contiguous and dofs.flags.c_contiguous
-            addresses.append((f.x.array.ctypes.data, dofs.ctypes.data, dofs.shape[1]))
-        self._functions = np.array(addresses, dtype=np.int64)
-        assert self._functions[:, 2].sum() <= MOST_COEFFICIENTS
-
-    def arguments(self, element: FloatArray, geometry: mesh.Geometry) -> tuple[Any, ...]:
-        """Return what the loops in C begin with; coefficients have their values of then."""
-        return (
-            self.kernel,
-            element,
-            len(self.cells),
-            self.cells,
-            len(self._functions),
-            self._functions,
-            geometry.x,
-            geometry.dofmap,
+        self._w, self._bedding, self._parameters = w, bedding, parameter_list(fields)
+        assert len(self._parameters) <= MOST_PARAMETERS
+        self._element = reference_element(V)
+        self._addresses = np.array(
+            [
+                (f.x.array.ctypes.data, f.function_space.dofmap.list.ctypes.data)
+                for f in self._parameters
+            ]
         )
+
+    def add_residuals(self, values: FloatArray) -> None:
+        """Add the part of the owned cells to all local unknowns, ghosts included; N/mm."""
+        self._run("add_residuals", values)
+
+    def add_tangents(
+        self,
+        keeps_constant: NDArray[np.uint8],
+        positions: IntArray,
+        inverse: FloatArray,
+        coupling: FloatArray,
+        values: FloatArray,
+    ) -> None:
+        """Add condensed tangents to a matrix's values; see `condensation.CondensedTangent`."""
+        self._run("add_tangents", keeps_constant, positions, inverse, coupling, values)
+
+    def _run(self, name: str, *arguments: NDArray[Any]) -> None:
+        V, bedding, anchor = self._w.function_space, None, None
+        if self._bedding:
+            stiffness, at_rest = self._bedding
+            bedding = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
+            anchor = at_rest.x.array
+        geometry = V.mesh.geometry
+        for law, cells in self._laws:
+            self._library.call(
+                name,
+                law,
+                len(cells),
+                cells,
+                self._element,
+                geometry.x,
+                geometry.dofmap,
+                self._w.x.array,
+                V.dofmap.list,
+                len(self._parameters),
+                self._addresses,
+                bedding,
+                anchor,
+                *arguments,
+            )

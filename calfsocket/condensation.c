@@ -16,7 +16,7 @@ enum { HELD = -1, LACKING = -2 };
 typedef union {
     struct {
         row displacement;
-        lanes other;
+        eight other;
     };
     vector part[6];
 } equation;
@@ -29,14 +29,14 @@ typedef struct {
 } condensed_matrix;
 
 /* Solve B X = C in place by elimination with pivots. */
-static inline void solve_inside(lanes B[INSIDE], equation C[INSIDE])
+INLINE void solve_inside(eight B[INSIDE], equation C[INSIDE])
 {
     for (int k = 0; k < INSIDE; ++k) {
         int pivot = k;
         for (int i = k + 1; i < INSIDE; ++i)
             if (fabs(B[i].at[k]) > fabs(B[pivot].at[k]))
                 pivot = i;
-        lanes left = B[pivot];
+        eight left = B[pivot];
         equation right = C[pivot];
         B[pivot] = B[k], C[pivot] = C[k];
         double scale = 1.0 / left.at[k];
@@ -64,7 +64,7 @@ VECTORISED static void eliminate(const element_matrix *A, int keeps_constant, do
     const double(*pp)[3] = A->compressibility;
     row K[INSIDE] = {A->displacement[0][BUBBLE], A->displacement[1][BUBBLE], A->pressure[1],
                      A->pressure[2], A->pressure[0]};
-    lanes B[INSIDE];
+    eight B[INSIDE];
     equation C[INSIDE];
     double constant[INSIDE];
     memset(B, 0, sizeof B);
@@ -114,26 +114,27 @@ VECTORISED static void eliminate(const element_matrix *A, int keeps_constant, do
     }
 }
 
-static inline void add(double value, int32_t position, double *values)
+INLINE void add(double value, int32_t position, double *values)
 {
     if (position >= 0)
         values[position] += value;
 }
 
-/* Tangents of n cells, with the moduli of their law, added to the matrix's values. */
-void add_tangents(intptr_t law, const double *element, int n, const int32_t *cells,
-                  int n_functions, const int64_t *functions, const double *x,
-                  const int32_t *nodes, const uint8_t *keeps_constant, const int32_t *positions,
+/* Tangents of n cells of a law, added to the matrix's values. */
+void add_tangents(int law, int n, const int32_t *cells, const double *element, const double *x,
+                  const int32_t *nodes, const double *unknowns, const int32_t *dofs,
+                  int n_parameters, const int64_t *parameters, const double *bedding,
+                  const double *anchor, const uint8_t *keeps_constant, const int32_t *positions,
                   double *inverse, double *coupling, double *values)
 {
+    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, n_parameters,
+                parameters, bedding, anchor};
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
-        double coordinates[NODES][3], moduli[POINTS][MODULI] = {{0.0}};
         element_matrix A;
         condensed_matrix S;
-        at_points(law, n_functions, functions, x, nodes, cell, coordinates, &moduli[0][0]);
-        element_tangent((const reference_element *)element, coordinates, moduli, &A);
+        element_tangent(&t, law, cell, &A);
         eliminate(&A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
                   coupling + (size_t)cell * INSIDE * OUTSIDE, &S);
         for (int c = 0; c < 2; ++c)

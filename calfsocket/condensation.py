@@ -17,8 +17,6 @@ left out. The loops over cells are in condensation.c.
 Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from dolfinx import cpp, fem, la
 from dolfinx.common import IndexMap
@@ -26,7 +24,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket import native
-from calfsocket.cells import CellLaw, reference_element
+from calfsocket.cells import CellLoops
 from calfsocket.contact.interface import ContactInterface, ContactTangent
 from calfsocket.petsc_options import OPTIONS_PREFIX, defaults
 
@@ -52,9 +50,8 @@ class CondensedTangent:
     ----------
     V : fem.FunctionSpace
         Mixed space of `forms.element.section_element`.
-    moduli : sequence of (fem.Expression, (n,) int)
-        Tangent moduli of `forms.mixed.moduli` at the points of `cells.quadrature`, and the owned
-        cells that have them: each cell once.
+    tissues : CellLoops
+        The tissues' tangents.
     held : (n,) bool
         Markers of held local unknowns, ghosts included.
     keeps_constant : (m,) bool
@@ -77,18 +74,16 @@ class CondensedTangent:
     def __init__(
         self,
         V: fem.FunctionSpace,
-        moduli: Sequence[tuple[fem.Expression, IntArray]],
+        tissues: CellLoops,
         held: NDArray[np.bool_],
         keeps_constant: NDArray[np.bool_],
         contact: ContactInterface,
     ) -> None:
         self._comm = V.mesh.comm
         self._contact = contact
-        self._library = native.library(self._comm)
-        self._laws = [CellLaw(self._library, expression, cells) for expression, cells in moduli]
-        self._element = reference_element(V)
+        self._tissues = tissues
+        self._library = native.library(self._comm, tissues.ogden_terms)
         cells = V.mesh.topology.index_map(2)
-        self._geometry = V.mesh.geometry
         dofs = V.dofmap.list
         p0, *others = dofs[:, _PRESSURE].T
         self._inside = np.ascontiguousarray(
@@ -237,16 +232,13 @@ class CondensedTangent:
 
     def _add_tissues(self) -> None:
         with TISSUE_TANGENT:
-            for law in self._laws:
-                self._library.call(
-                    "add_tangents",
-                    *law.arguments(self._element, self._geometry),
-                    self._keeps_constant,
-                    self._positions,
-                    self.inverse,
-                    self.coupling,
-                    self._csr.data,
-                )
+            self._tissues.add_tangents(
+                self._keeps_constant,
+                self._positions,
+                self.inverse,
+                self.coupling,
+                self._csr.data,
+            )
 
     def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
         """Add contact to the matrix; return how many entries its pattern lacks."""

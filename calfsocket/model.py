@@ -1,7 +1,6 @@
 """A case made discrete: mesh, spaces, tissues and contact, as residual and tangent."""
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -10,9 +9,8 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
-from ufl.core.expr import Expr
 
-from calfsocket.cells import quadrature
+from calfsocket.cells import CellLoops, quadrature
 from calfsocket.condensation import CondensedTangent
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
@@ -20,7 +18,7 @@ from calfsocket.errors import InputError
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
-from calfsocket.internal_force import InternalForce
+from calfsocket.law_kernels import parameter_list
 from calfsocket.laws import Law, law_fields, law_tags
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
@@ -105,11 +103,19 @@ class Model:
         self.law_tags = law_tags(domain, section.cell_tags, laws)
         frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
         stiffness = self.bedding_stiffness(frictionless)
-        self._has_bedding = bool(stiffness)
-        if self._has_bedding:
+        bedding = None
+        if stiffness:
             self.bedding = self._by_region(stiffness)
             self.anchor = fem.Function(self.V)
-        self._internal_force = InternalForce(self.V, self._by_law(self._stresses))
+            bedding = self.bedding, self.anchor
+        owned = domain.topology.index_map(2).size_local
+        of_laws = {law: self.law_tags.find(tag) for law, tag in mixed.LAW_IDS.items()}
+        self._tissues = CellLoops(
+            self.w,
+            self.fields,
+            {law: cells[cells < owned] for law, cells in of_laws.items()},
+            bedding,
+        )
         self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
         held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
@@ -145,7 +151,7 @@ class Model:
             section.cell_tags,
             {section.regions[name]: law for name, law in laws.items()},
         )
-        for mine, new in zip(_functions(self.fields), _functions(fields), strict=True):
+        for mine, new in zip(parameter_list(self.fields), parameter_list(fields), strict=True):
             mine.x.array[:] = new.x.array
         self.region_laws = laws
 
@@ -167,42 +173,12 @@ class Model:
         size = (index_map.size_local, index_map.size_global)
         condensed = CondensedTangent(
             self.V,
-            self._by_law(self._moduli),
+            self._tissues,
             self._constrained,
             self._keeps_constant(),
             self.contact,
         )
         return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
-
-    def _moduli(self, law: str) -> Expr:
-        """Tangent moduli of a law at the present unknowns."""
-        bedding = self.bedding if self._has_bedding else 0.0
-        return mixed.moduli(law, *self._strain(), self.fields, bedding)
-
-    def _stresses(self, law: str) -> Expr:
-        """Stresses of a law at the present unknowns."""
-        bedding = None
-        if self._has_bedding:
-            bedding = self.bedding * (ufl.split(self.w)[0] - ufl.split(self.anchor)[0])
-        return mixed.stresses(law, *self._strain(), self.fields, bedding)
-
-    def _strain(self) -> tuple[Expr, Expr]:
-        u, p_dof = ufl.split(self.w)
-        return deformation_gradient(u), mixed.pressure(p_dof, self.fields)
-
-    def _by_law(
-        self, at_points: Callable[[str], Expr]
-    ) -> list[tuple[fem.Expression, NDArray[np.int32]]]:
-        """Compile an expression for each law; return it with the law's owned cells."""
-        owned = self.section.mesh.topology.index_map(2).size_local
-        found = []
-        for law, tag in mixed.LAW_IDS.items():
-            expression = fem.Expression(
-                at_points(law), quadrature()[0], comm=self.comm, jit_options=COMPILER_OPTIONS
-            )
-            cells = self.law_tags.find(tag)
-            found.append((expression, cells[cells < owned]))
-        return found
 
     def _keeps_constant(self) -> NDArray[np.bool_]:
         """Local cells too stiff in volume to take their constant pressure out of the system."""
@@ -309,7 +285,7 @@ class Model:
         with TISSUE_RESIDUAL:
             with self._b.localForm() as local:
                 local.set(0.0)
-                self._internal_force.add(local.array_w)
+                self._tissues.add_residuals(local.array_w)
             self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
         return self.contact.add_residual(self._b)
 
@@ -367,9 +343,3 @@ class Model:
         if len(kinds) != 1:
             raise InputError(f"skin surface: laws {sorted(kinds)} meet there; one is allowed")
         return kinds.pop()
-
-
-def _functions(fields: mixed.LawFields) -> list[fem.Function]:
-    """Return all parameters of the laws, in one order."""
-    values = [getattr(fields, field.name) for field in dataclasses.fields(fields)]
-    return [one for value in values for one in (value if isinstance(value, tuple) else (value,))]

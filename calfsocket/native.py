@@ -1,7 +1,8 @@
-"""The loops over cells in C: compiled once by cffi, as the forms are by FFCx."""
+"""The laws and the loops over cells in C: compiled once by cffi, as the forms are by FFCx."""
 
 import hashlib
 import importlib.util
+import inspect
 import os
 import re
 import sysconfig
@@ -11,13 +12,29 @@ from pathlib import Path
 from typing import Any
 
 import cffi
+import ffcx
 import numpy as np
 from dolfinx import jit
 from mpi4py import MPI
 
+from calfsocket import law_kernels
+from calfsocket.forms import hencky, kinematics, mixed, ogden, yeoh
+
 FOLDER = Path(__file__).parent
-SOURCES = ("cells.h", "internal_force.c", "condensation.c")
-COMPILE_ARGUMENTS = ["-O3", "-g0", "-fno-math-errno", "-fno-trapping-math"]
+SOURCES = ("vectors.h", "cells.h", "internal_force.c", "condensation.c")
+# What the laws are made of.
+LAW_SOURCES = (law_kernels, mixed, hencky, ogden, yeoh, kinematics)
+# Unlike -ffast-math these keep NaN, which tells a step that overshot.
+COMPILE_ARGUMENTS = [
+    "-O3",
+    "-g0",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fno-signed-zeros",
+    "-fassociative-math",
+    "-freciprocal-math",
+    "-Wno-psabi",  # vectors are handed over within one file alone
+]
 _C_TYPES = {
     np.dtype(np.float64): "double[]",
     np.dtype(np.int32): "int32_t[]",
@@ -36,33 +53,37 @@ class Library:
     """
 
     def __init__(self, module: Any) -> None:
-        self._lib, self.ffi = module.lib, module.ffi
+        self._lib, self._ffi = module.lib, module.ffi
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Call a function; an array, which has to be contiguous, is its address there."""
+        """Call a function: an array, which has to be contiguous, is its address, None is NULL."""
         return getattr(self._lib, name)(*map(self._argument, arguments))
 
     def _argument(self, argument: Any) -> Any:
+        if argument is None:
+            return self._ffi.NULL
         if not isinstance(argument, np.ndarray):
             return argument
         assert argument.flags.c_contiguous
-        return self.ffi.from_buffer(_C_TYPES[argument.dtype], argument)
+        return self._ffi.from_buffer(_C_TYPES[argument.dtype], argument)
 
 
-def library(comm: MPI.Comm) -> Library:
-    """Return the compiled functions of the C files (collective)."""
-    return Library(jit.mpi_jit_decorator(_module)(comm))
+def library(comm: MPI.Comm, ogden_terms: int) -> Library:
+    """Return the compiled functions of the C files, for laws of so many terms (collective)."""
+    return Library(jit.mpi_jit_decorator(_module)(comm, ogden_terms))
 
 
 @cache
-def _module() -> Any:
+def _module(ogden_terms: int) -> Any:
     texts = [(FOLDER / name).read_text(encoding="utf-8") for name in SOURCES]
-    key = hashlib.sha256(" ".join(texts + COMPILE_ARGUMENTS).encode()).hexdigest()[:16]
-    name = f"calfsocket_cells_{key}"
+    laws = [inspect.getsource(module) for module in LAW_SOURCES]
+    versions = [ffcx.__version__, str(ogden_terms)]
+    key = hashlib.sha256(" ".join(texts + laws + versions + COMPILE_ARGUMENTS).encode())
+    name = f"calfsocket_cells_{key.hexdigest()[:16]}"
     cache_dir = Path(jit.get_options()["cache_dir"])
     target = cache_dir / (name + sysconfig.get_config_var("EXT_SUFFIX"))
     if not target.exists():
-        _compile(name, "\n".join(texts), target)
+        _compile(name, law_kernels.source(ogden_terms), "\n".join(texts), target)
     spec = importlib.util.spec_from_file_location(name, target)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -70,13 +91,13 @@ def _module() -> Any:
     return module
 
 
-def _compile(name: str, source: str, target: Path) -> None:
+def _compile(name: str, laws: str, source: str, target: Path) -> None:
     """Compile beside the target and move it there: a process that looks finds it whole."""
     builder = cffi.FFI()
     builder.cdef("\n".join(_prototypes(source)))
     builder.set_source(
         name,
-        "\n".join(f'#include "{file}"' for file in SOURCES),
+        "\n".join([laws, *(f'#include "{file}"' for file in SOURCES)]),
         include_dirs=[str(FOLDER)],
         extra_compile_args=COMPILE_ARGUMENTS,
     )

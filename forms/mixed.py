@@ -173,14 +173,27 @@ def _increment(by: Isochoric, F: Expr, p: Expr, dF: Expr, dp: Expr) -> Expr:
     )
 
 
-def moduli(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | float = 0.0) -> Expr:
+def stresses(law: str, F: Expr, p: Expr, fields: LawFields) -> Expr:
+    """Return what the residual has at a point, for residuals that are put together without UFL.
+
+    Returns
+    -------
+    Expr
+        (5,): P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa.
+    """
+    P = first_piola(law, F, p, fields)
+    volumetric = fields.pressure_scale * (ufl.det(F) - 1.0 - p * fields.inverse_bulk)
+    return ufl.as_vector([P[0, 0], P[0, 1], P[1, 0], P[1, 1], volumetric])
+
+
+def moduli(law: str, F: Expr, p: Expr, fields: LawFields) -> Expr:
     """Tangent moduli at a point, for element tangents that are put together without UFL.
 
     Returns
     -------
     Expr
-        (16,): the upper triangle, row by row, of the symmetric derivative of (P11, P12, P21, P22,
-        pressure_scale (J - 1 - p/K)) by (F11, F12, F21, F22, p_dof), MPa; and the bedding, N/mm^3.
+        (15,): the upper triangle, row by row, of the symmetric derivative of `stresses` by (F11,
+        F12, F21, F22, p_dof), MPa.
     """
     by = isochoric(law, F, fields)
     unit = [ufl.as_matrix(((a, b), (c, d))) for a, b, c, d in np.eye(4)]
@@ -191,28 +204,7 @@ def moduli(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | float 
     for i in range(4):
         entries += [columns[j][i // 2, i % 2] for j in range(i, 4)]
         entries.append(scale * C[i // 2, i % 2])
-    return ufl.as_vector([*entries, -(scale**2) * fields.inverse_bulk, ufl.as_ufl(bedding)])
-
-
-def stresses(law: str, F: Expr, p: Expr, fields: LawFields, bedding: Expr | None = None) -> Expr:
-    """Return what the residual has at a point, for residuals that are put together without UFL.
-
-    Parameters
-    ----------
-    law, F, p, fields
-        As of `first_piola`.
-    bedding : Expr, optional
-        Force of a bedding (2,), N/mm^3.
-
-    Returns
-    -------
-    Expr
-        (7,): P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa; and the bedding's force.
-    """
-    P = first_piola(law, F, p, fields)
-    volumetric = fields.pressure_scale * (ufl.det(F) - 1.0 - p * fields.inverse_bulk)
-    force = ufl.as_vector((0.0, 0.0)) if bedding is None else bedding
-    return ufl.as_vector([P[0, 0], P[0, 1], P[1, 0], P[1, 1], volumetric, force[0], force[1]])
+    return ufl.as_vector([*entries, -(scale**2) * fields.inverse_bulk])
 
 
 def volume_measure(domain: ufl.Mesh, law_tags: object) -> ufl.Measure:
