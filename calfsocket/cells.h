@@ -17,8 +17,9 @@
 enum { NODES = 6, POINTS = 6, SHAPES = 7, UNKNOWNS = 17 };
 /* Place of the bubble among the shape functions. */
 enum { BUBBLE = 6 };
-enum { STRAINS = 5, STRESSES = 5, VOLUME = 4, MODULI = 15 };
-enum { MOST_PARAMETERS = 32 };
+enum { STRESSES = 5, VOLUME = 4, MODULI = 15 };
+/* Of a law's ARGUMENTS: strains, and parameters. */
+enum { STRAINS = 5, PARAMETERS = ARGUMENTS - STRAINS };
 
 /* A number for each shape function of a displacement component, or for each quadrature point. The
  * last point stands in for those that are missing, without weight. */
@@ -51,8 +52,7 @@ typedef struct {
     const int32_t *nodes;    /* of each cell */
     const double *unknowns;  /* present values */
     const int32_t *dofs;     /* of each cell */
-    int n_parameters;        /* of the laws */
-    const int64_t *parameters; /* addresses of their values and of each cell's place there */
+    const int64_t *parameters; /* addresses of values, and of each cell's place among them */
     const double *bedding;   /* stiffness in each cell, or nothing */
     const double *anchor;    /* unknowns at which the bedding is at rest */
 } tissue;
@@ -61,7 +61,7 @@ typedef struct {
 typedef struct {
     eight inverse[2][2]; /* of the derivative of coordinates by reference coordinates */
     eight weight;
-    vector arguments[PARTS][STRAINS + MOST_PARAMETERS];
+    vector arguments[PARTS][ARGUMENTS];
 } cell_state;
 
 typedef struct {
@@ -76,13 +76,13 @@ typedef struct {
 } element_matrix;
 
 /* Geometry and arguments of the law at the points of a cell. */
-VECTORISED static void evaluate(const tissue *t, int cell, cell_state *s)
+INLINE void evaluate(const tissue *t, int cell, cell_state *s)
 {
     const reference_element *at = t->element;
     const int32_t *nodes = t->nodes + (size_t)cell * NODES;
     const int32_t *dofs = t->dofs + (size_t)cell * UNKNOWNS;
-    double parameters[MOST_PARAMETERS];
-    for (int k = 0; k < t->n_parameters; ++k) {
+    double parameters[PARAMETERS];
+    for (int k = 0; k < PARAMETERS; ++k) {
         const double *values = (const double *)(intptr_t)t->parameters[2 * k];
         const int32_t *place = (const int32_t *)(intptr_t)t->parameters[2 * k + 1];
         parameters[k] = values[place[cell]];
@@ -112,7 +112,7 @@ VECTORISED static void evaluate(const tissue *t, int cell, cell_state *s)
             }
         arguments[4] = p[0] * at->pressure[0].part[h] + (p[1] - p[0]) * at->pressure[1].part[h] +
                        (p[2] - p[0]) * at->pressure[2].part[h];
-        for (int k = 0; k < t->n_parameters; ++k)
+        for (int k = 0; k < PARAMETERS; ++k)
             arguments[STRAINS + k] = (vector){0.0} + parameters[k];
     }
 }

@@ -20,8 +20,6 @@ IntArray = NDArray[np.int32]
 EIGHT = 8
 # Nodes of a cell with quadratic geometry.
 NODES = 6
-# As in cells.h.
-MOST_PARAMETERS = 32
 
 
 def quadrature() -> tuple[FloatArray, FloatArray]:
@@ -94,7 +92,6 @@ class CellLoops:
             for number, law in enumerate(LAW_IDS)
         ]
         self._w, self._bedding, self._parameters = w, bedding, parameter_list(fields)
-        assert len(self._parameters) <= MOST_PARAMETERS
         self._element = reference_element(V)
         self._addresses = np.array(
             [
@@ -136,7 +133,6 @@ class CellLoops:
                 geometry.dofmap,
                 self._w.x.array,
                 V.dofmap.list,
-                len(self._parameters),
                 self._addresses,
                 bedding,
                 anchor,

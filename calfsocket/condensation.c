@@ -8,7 +8,7 @@
 #include "cells.h"
 
 enum { INSIDE = 5, CONSTANT = 4, OUTSIDE = 13, CONSTANT_OUTSIDE = 12 };
-/* In the place of an entry's position: of an unknown that is held, and where the pattern has none. */
+/* In the place of an entry's position: its unknown is held, or the pattern lacks it. */
 enum { HELD = -1, LACKING = -2 };
 
 /* A row of the equations inside: over the displacements outside, and over right hand sides: 1 for
@@ -123,12 +123,12 @@ INLINE void add(double value, int32_t position, double *values)
 /* Tangents of n cells of a law, added to the matrix's values. */
 void add_tangents(int law, int n, const int32_t *cells, const double *element, const double *x,
                   const int32_t *nodes, const double *unknowns, const int32_t *dofs,
-                  int n_parameters, const int64_t *parameters, const double *bedding,
+                  const int64_t *parameters, const double *bedding,
                   const double *anchor, const uint8_t *keeps_constant, const int32_t *positions,
                   double *inverse, double *coupling, double *values)
 {
-    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, n_parameters,
-                parameters, bedding, anchor};
+    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters, bedding,
+                anchor};
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
@@ -180,7 +180,8 @@ void forward(int n, const double *residual, const int32_t *dofs, const int32_t *
 
 /* What is inside of n cells, from the residual there and what is outside. */
 void backward(int n, const double *residual, const int32_t *dofs, const int32_t *numbers,
-              const double *inverse, const double *coupling, const double *outside, double *solution)
+              const double *inverse, const double *coupling, const double *outside,
+              double *solution)
 {
     for (int cell = 0; cell < n; ++cell) {
         const int32_t *dof = dofs + (size_t)cell * INSIDE;

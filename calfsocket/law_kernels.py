@@ -17,10 +17,7 @@ import ufl
 
 from calfsocket.forms import mixed
 
-# What a law is a function of, in this order: F11, F12, F21, F22 and the pressure unknown, and then
-# all parameters.
-STRAINS = 5
-_FUNCTIONS = {"sqrt", "exp", "log", "pow"}
+_FUNCTIONS = ("sqrt", "exp", "log", "pow")  # as vectors.h has them
 
 
 def parameter_list(parameters: mixed.LawFields) -> list[Any]:
@@ -32,7 +29,13 @@ def parameter_list(parameters: mixed.LawFields) -> list[Any]:
 def source(ogden_terms: int) -> str:
     """Write C functions of (const vector *arguments, vector *values), two for each law.
 
-    `stresses[law]` and `moduli[law]` have their addresses, law counted as in `mixed.LAW_IDS`.
+    `stresses[law]` and `moduli[law]` have their addresses, law counted as in `mixed.LAW_IDS`. The
+    ARGUMENTS are F11, F12, F21, F22, the pressure unknown, and all parameters.
+
+    Parameters
+    ----------
+    ogden_terms : int
+        Number of terms that Ogden's law has.
     """
     domain = ufl.Mesh(basix.ufl.element("P", "triangle", 1, shape=(2,)))
 
@@ -61,15 +64,20 @@ def source(ogden_terms: int) -> str:
             f"static void (*const {quantity.__name__}[])(const vector *, vector *) = "
             f"{{{', '.join(table)}}};\n"
         )
-    return '#include "vectors.h"\n\n' + "\n".join(parts)
+    count = sum(map(_size, arguments))
+    head = f'#include "vectors.h"\n\nenum {{ ARGUMENTS = {count} }};\n'
+    return "\n".join([head, *parts])
 
 
 def _function(name: str, expression: Any, arguments: list[Any]) -> str:
     """Write one function, with FFCx's lines as its body."""
     _, code = ffcx.compiler.compile_ufl_objects(
-        [(expression, np.array([[1 / 3, 1 / 3]]))], options=ffcx.options.get_options()
+        [(expression, np.array([[1 / 3, 1 / 3]]))],
+        options=ffcx.options.get_options({"scalar_type": "float64"}),
     )
-    match = re.search(r"void tabulate_tensor_expression_\w+\([^)]*\)\n(\{.*?\n\}\n\n\})\n", code, re.S)
+    match = re.search(
+        r"void tabulate_tensor_expression_\w+\([^)]*\)\n(\{.*?\n\}\n\n\})\n", code, re.S
+    )
     assert match is not None
     # FFCx counts only what the law needs.
     first = np.concatenate([[0], np.cumsum([_size(argument) for argument in arguments])])

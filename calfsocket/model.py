@@ -35,20 +35,6 @@ LARGEST_BULK_RATIO = 1e3
 
 It is exact at any ratio; the condensed matrix then has stiffnesses of this ratio side by side."""
 
-# Halves the time of a tangent; unlike -ffast-math it keeps NaN, which tells a step that overshot,
-# and unlike -march=native it gives code that runs on other machines too.
-COMPILER_OPTIONS = {
-    "cffi_extra_compile_args": [
-        "-O2",
-        "-g0",
-        "-fno-math-errno",
-        "-fno-trapping-math",
-        "-fno-signed-zeros",
-        "-fassociative-math",
-        "-freciprocal-math",
-    ]
-}
-
 
 class Model:
     """Residual and tangent of limb, socket and their contact, in PETSc's terms.

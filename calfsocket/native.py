@@ -35,6 +35,9 @@ COMPILE_ARGUMENTS = [
     "-freciprocal-math",
     "-Wno-psabi",  # vectors are handed over within one file alone
 ]
+JIT_OPTIONS = {"cffi_extra_compile_args": COMPILE_ARGUMENTS}
+"""For forms that FFCx compiles alone; they halve the time of a tangent."""
+
 _C_TYPES = {
     np.dtype(np.float64): "double[]",
     np.dtype(np.int32): "int32_t[]",

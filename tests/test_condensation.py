@@ -58,7 +58,14 @@ def assembled(model):
 def without_contact(model):
     """Take contact out of the tangent."""
     tangent = model.contact.tangent
-    model.contact.tangent = lambda: (0.0 * tangent()[0], tangent()[1])
+
+    def nothing():
+        contact = tangent()
+        return replace(
+            contact, by_motion=0.0 * contact.by_motion, by_traction=0.0 * contact.by_traction
+        )
+
+    model.contact.tangent = nothing
 
 
 def random_vector(solver, seed=1):
@@ -150,9 +157,9 @@ def test_the_pattern_follows_a_limb_that_slides_far():
     before = solver._A.getPythonContext().matrix
     tangent = model.contact.tangent
     edges = len(model.contact.chain.start)
-    turned = (tangent()[1] + edges // 3) % edges
+    turned = (tangent().edge + edges // 3) % edges
     ahead = model.contact.edges_ahead
-    model.contact.tangent = lambda: (tangent()[0], turned)
+    model.contact.tangent = lambda: replace(tangent(), edge=turned)
     model.contact.edges_ahead = lambda: (ahead() + edges // 3) % edges
     solver.factorise()
     after = solver._A.getPythonContext().matrix

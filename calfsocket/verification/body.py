@@ -17,7 +17,7 @@ from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.laws import Law, law_fields, law_tags
 from calfsocket.meshes.distributed import SectionMesh
-from calfsocket.model import COMPILER_OPTIONS
+from calfsocket.native import JIT_OPTIONS
 from calfsocket.solver import Solver
 
 FloatArray = NDArray[np.float64]
@@ -57,12 +57,8 @@ class Body:
         by_tag = {section.regions[name]: law for name, law in laws.items()}
         self.fields = law_fields(domain, section.cell_tags, by_tag)
         dx = mixed.volume_measure(domain, law_tags(domain, section.cell_tags, by_tag))
-        self._residual = fem.form(
-            mixed.residual(self.w, self.fields, dx), jit_options=COMPILER_OPTIONS
-        )
-        self._tangent = fem.form(
-            mixed.tangent(self.w, self.fields, dx), jit_options=COMPILER_OPTIONS
-        )
+        self._residual = fem.form(mixed.residual(self.w, self.fields, dx), jit_options=JIT_OPTIONS)
+        self._tangent = fem.form(mixed.tangent(self.w, self.fields, dx), jit_options=JIT_OPTIONS)
         self._load = np.zeros_like(self.w.x.array)
         if loads is not None:
             form = fem.form(loads(ufl.TestFunctions(self.V)[0]))

@@ -38,7 +38,8 @@ from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.projection import shape_functions
 from calfsocket.forms import mixed
 from calfsocket.meshes import tags
-from calfsocket.model import COMPILER_OPTIONS, Model
+from calfsocket.model import Model
+from calfsocket.native import JIT_OPTIONS
 from calfsocket.stepping import LoadStep
 
 FloatArray = NDArray[np.float64]
@@ -101,7 +102,7 @@ class EnergyMeter:
         for part in (~of_socket, of_socket):
             laws = mesh.meshtags(domain, 2, cells.indices[part], cells.values[part])
             potential = mixed.potential(model.w, model.fields, mixed.volume_measure(domain, laws))
-            self._stored.append(fem.form(potential, jit_options=COMPILER_OPTIONS))
+            self._stored.append(fem.form(potential, jit_options=JIT_OPTIONS))
         contact = model.contact
         state = contact.state()
         self._closing = np.minimum(state.gap, 0.0)
