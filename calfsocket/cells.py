@@ -97,7 +97,8 @@ class CellLoops:
             [
                 (f.x.array.ctypes.data, f.function_space.dofmap.list.ctypes.data)
                 for f in self._parameters
-            ]
+            ],
+            dtype=np.int64,
         )
 
     def add_residuals(self, values: FloatArray) -> None:

@@ -184,30 +184,31 @@ class CondensedTangent:
         pattern.finalize()
         self.ksp.reset()
         self._csr = la.matrix_csr(pattern)
+        self._values = np.asarray(self._csr.data, dtype=np.float64)
         self._starts = np.asarray(self._csr.indptr, dtype=np.int64)
         self._columns = np.asarray(self._csr.indices, dtype=np.int32)
         self._positions = self._locate(self._numbers, self._numbers)
-        self._contact_edge = None
+        self._contact_edge: NDArray[np.int64] | None = None
         rows = self.outside.size_local
         end = self._starts[rows]
         starts = self._starts[: rows + 1].astype(PETSc.IntType)
         if self._comm.size == 1:
             # PETSc looks at the values where they are.
             self.matrix = PETSc.Mat().createAIJWithArrays(
-                (rows, rows), (starts, self._columns, self._csr.data), comm=self._comm
+                (rows, rows), (starts, self._columns, self._values), comm=self._comm
             )
             return
         columns = pattern.column_index_map().local_to_global(self._columns[:end])
         self._owned = starts, columns.astype(PETSc.IntType), end
         size = (rows, self.outside.size_global)
         self.matrix = PETSc.Mat().createAIJ((size, size), comm=self._comm)
-        self.matrix.setPreallocationCSR((starts, self._owned[1], self._csr.data[:end]))
+        self.matrix.setPreallocationCSR((starts, self._owned[1], self._values[:end]))
 
     # -- assembly -------------------------------------------------------------------------------
 
     def assemble(self, contact: ContactTangent) -> None:
         """Tissues at their present unknowns, and contact (collective)."""
-        self._csr.data[:] = 0.0
+        self._values[:] = 0.0
         self._add_tissues()
         # T by what is inside and outside of the skin's cell; the constant pressure has its part in
         # all three at the vertices.
@@ -226,7 +227,7 @@ class CondensedTangent:
         if self._comm.size > 1:
             self._csr.scatter_reverse()
             starts, columns, end = self._owned
-            self.matrix.setValuesCSR(starts, columns, self._csr.data[:end])
+            self.matrix.setValuesCSR(starts, columns, self._values[:end])
         self.matrix.assemble()
         self._assembled = True
 
@@ -237,7 +238,7 @@ class CondensedTangent:
                 self._positions,
                 self.inverse,
                 self.coupling,
-                self._csr.data,
+                self._values,
             )
 
     def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
@@ -250,9 +251,7 @@ class CondensedTangent:
             columns = np.concatenate([self._contact_rows, self._numbers[self._skin_cells]], axis=1)
             self._contact_positions = self._locate(self._contact_rows, columns)
         return int(
-            self._library.call(
-                "add_at", blocks.size, self._contact_positions, blocks, self._csr.data
-            )
+            self._library.call("add_at", blocks.size, self._contact_positions, blocks, self._values)
         )
 
     def _locate(self, rows: IntArray, columns: IntArray) -> IntArray:
