@@ -111,7 +111,7 @@ def test_the_wheel_holds_every_module_and_data_file(sources: Path, wheel: Path) 
         Path(place) / path.relative_to(sources / folder)
         for folder, place in places.items()
         for path in (sources / folder).rglob("*")
-        if path.suffix in {".c", ".py", ".json", ".csv", ".html", ".css", ".toml"}
+        if path.suffix in {".c", ".h", ".py", ".json", ".csv", ".html", ".css", ".toml"}
     }
     with zipfile.ZipFile(wheel) as archive:
         packed = {Path(name) for name in archive.namelist() if "dist-info" not in name}

@@ -222,4 +222,6 @@ def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
 
 
 if __name__ == "__main__":
+    # A shell makes jobs in its background deaf to Ctrl-C, and they their children.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.exit(main(**json.loads(sys.argv[1])))
