@@ -19,6 +19,7 @@ from calfsocket.inventory import about
 from calfsocket.laws import ogden_terms
 from calfsocket.ledger import FILES, RUN_FILE, Ledger
 from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
+from calfsocket.meshes.placement import check_placement
 from calfsocket.progress import Event, Reporter
 from calfsocket.running import try_case
 from calfsocket.sweep_table import Sweep
@@ -147,12 +148,16 @@ def run_study(
         When run.json cannot be written.
     """
     ledger, refusal = None, None
+    cases: list[Case] = []
     if comm.rank == 0:
         try:
             ledger = Ledger(study, comm.size, go_on)
+            cases = ledger.to_solve
+            if comm.size > 1:
+                cases = longest_first(study, cases)
         except CalfsocketError as error:
             refusal = error
-    refusal, cases = comm.bcast((refusal, ledger.to_solve if ledger else []), root=0)
+    refusal, cases = comm.bcast((refusal, cases), root=0)
     if refusal is not None:
         raise refusal
     if cases:
@@ -178,6 +183,19 @@ def run_study(
                 farm.report({"name": case.name, **about(case), **entry})
             farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
+
+
+def longest_first(study: Study, cases: Sequence[Case]) -> list[Case]:
+    """Order cases for groups of ranks, so that no group is left with a long one at the end.
+
+    A socket takes the more iterations the more it squeezes, and separate materials take more than
+    combined ones.
+    """
+    sockets = {case.socket: study.socket(case) for case in cases}
+    squeezed = {
+        name: check_placement(socket, study.limb).squeezed for name, socket in sockets.items()
+    }
+    return sorted(cases, key=lambda case: (-squeezed[case.socket], case.paper_set == "combined"))
 
 
 def check_folder(study: Study, overwrite: bool) -> None:

@@ -10,6 +10,9 @@ import pytest
 import pyvista
 
 from calfsocket import cli
+from calfsocket.case import Settings
+from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.study import Study, all_cases, longest_first
 
 COLUMNS = [
     "socket", "material_set", "tissue", "outcome", "value", "unit", "x_mm", "y_mm", "region"
@@ -32,6 +35,15 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def summary(results: Path) -> pd.DataFrame:
     return pd.read_csv(results / "summary.csv")
+
+
+def test_long_cases_are_given_out_first():
+    """HS squeezes the limb most and TSB least; the calf's own tissues take longer than combined."""
+    sockets = load_sockets()
+    study = Study(tuple(all_cases(sockets)), Settings(), load_limb(), sockets, Path("anywhere"))
+    names = [case.name for case in longest_first(study, study.cases)]
+    expected = [f"{socket}_{s}" for socket in ("HS", "TC", "TSB") for s in ("separate", "combined")]
+    assert names == expected
 
 
 def value(summary: pd.DataFrame, tissue: str, outcome: str) -> float:
