@@ -105,7 +105,11 @@ def check_placement(socket: Socket, limb: Limb) -> Placement:
 
 def _distance(points: Array, polygon: Array) -> Array:
     """Return the distance of points from a closed polygon, shape (n,)."""
-    return shapely.distance(shapely.points(points), shapely.LinearRing(polygon))
+    edges = shapely.linestrings(np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1))
+    nearest = shapely.STRtree(edges).query_nearest(
+        shapely.points(points), return_distance=True, all_matches=False
+    )
+    return np.asarray(nearest[1])
 
 
 def _soft_tissue(points: Array, limb: Limb, loops: dict[str, ClosedCurve]) -> Array:
