@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from petsc4py import PETSc
 
-from calfsocket import outcomes, picture, writers
+from calfsocket import outcomes, writers
 from calfsocket.case import Case, Run, region_tissues
 from calfsocket.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
 from calfsocket.contact_line import ContactLine
@@ -138,6 +138,9 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
             _merge(study, "steps.csv", pd.DataFrame(rows))
         if study.pictures:
             with run.phase("picture"), attempt(f"no picture of {case.name}"):
+                # Half a second to import, which a study may do without.
+                from calfsocket import picture
+
                 picture.draw(study.out / case.name)
     if profile and root:
         times = profile.rows(run.seconds)
