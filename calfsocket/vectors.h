@@ -13,7 +13,9 @@ enum { WIDTH = 4 };
 typedef double vector __attribute__((vector_size(WIDTH * sizeof(double)), aligned(sizeof(double))));
 
 /* Every x86-64 runs the plain copy of a function; those that have AVX2 run the other one. */
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#ifdef PLAIN
+#define VECTORISED
+#elif defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define VECTORISED __attribute__((target_clones("arch=x86-64-v3", "default")))
 #else
 #define VECTORISED

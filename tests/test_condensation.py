@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from calfsocket import cells
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.forms import mixed
-from calfsocket.forms.element import section_element
 from calfsocket.laws import Hencky
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.model import LARGEST_BULK_RATIO, SUPPORT_STIFFNESS, Model
@@ -179,19 +177,6 @@ def test_options_of_petsc_reach_the_factorisation():
     assert factor.getMumpsIcntl(14) == 123
     assert factor.getMumpsIcntl(8) == 0
     assert not PETSc.Options("calfsocket_").hasName("mat_mumps_icntl_8")
-
-
-def test_quadrature_has_as_many_points_as_the_loops_in_c():
-    points, weights = cells.quadrature()
-    assert points.shape == (6, 2)
-    assert weights.sum() == pytest.approx(0.5)
-
-
-def test_straight_cells_are_refused():
-    """The loops in C read six nodes a cell."""
-    domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
-    with pytest.raises(ValueError, match="3 nodes, not 6"):
-        cells.reference_element(fem.functionspace(domain, section_element()))
 
 
 def test_laws_that_become_incompressible_keep_their_constant_pressure():
