@@ -69,6 +69,14 @@ def test_residual_follows_parameters_and_unknowns():
     assert abs(before - expected).max() > 0.1 * abs(expected).max()
 
 
+def test_cells_may_be_turned_over():
+    """Mirrored, their vertices run clockwise."""
+    model = ring()
+    model.section.mesh.geometry.x[:, 0] *= -1.0
+    expected = by_dolfinx(model)
+    np.testing.assert_allclose(by_loops(model), expected, rtol=0, atol=1e-13 * abs(expected).max())
+
+
 def test_bedding_is_in_the_residual():
     """A spring to where it is at rest, of its own stiffness in each cell."""
     model = ring(contact=ContactParameters(fric_coeff=0.0))
