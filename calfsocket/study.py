@@ -153,8 +153,6 @@ def run_study(
         try:
             ledger = Ledger(study, comm.size, go_on)
             cases = ledger.to_solve
-            if comm.size > 1:
-                cases = longest_first(study, cases)
         except CalfsocketError as error:
             refusal = error
     refusal, cases = comm.bcast((refusal, cases), root=0)
@@ -177,6 +175,8 @@ def run_study(
             ]
             compilation.warm(comm, map(ogden_terms, laws))
             farm = Farm(comm, len(cases), ranks_per_case, on_report)
+            if farm.n_groups > 1:
+                cases = longest_first(study, cases)
             while (number := farm.next_case()) is not None:
                 case = cases[number]
                 entry = try_case(farm, study, case, go_on)
@@ -186,7 +186,7 @@ def run_study(
 
 
 def longest_first(study: Study, cases: Sequence[Case]) -> list[Case]:
-    """Order cases for groups of ranks, so that no group is left with a long one at the end.
+    """Order cases for several groups of ranks, so that no group is left with a long one at the end.
 
     A socket takes the more iterations the more it squeezes, and separate materials take more than
     combined ones.
