@@ -1,5 +1,7 @@
 """The study: cases times settings, solved side by side, written case by case."""
 
+import ctypes
+import gc
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -181,8 +183,20 @@ def run_study(
                 case = cases[number]
                 entry = try_case(farm, study, case, go_on)
                 farm.report({"name": case.name, **about(case), **entry})
+                _give_memory_back()
             farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)
+
+
+def _give_memory_back() -> None:
+    """Give back what a case leaves: Python's cycles, and pages that glibc keeps for later.
+
+    The next case does not fit into their gaps: without this, six cases come to twice the memory.
+    """
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def longest_first(study: Study, cases: Sequence[Case]) -> list[Case]:
