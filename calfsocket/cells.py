@@ -75,6 +75,11 @@ class CellLoops:
         Owned cells of each of `mixed.LAW_IDS`: each cell once.
     bedding : (fem.Function, fem.Function), optional
         Stiffness of a bedding in each cell (DG0, N/mm^3), and where it is at rest (in w's space).
+
+    Attributes
+    ----------
+    library : native.Library
+        The compiled functions, those for such laws.
     """
 
     def __init__(
@@ -85,8 +90,7 @@ class CellLoops:
         bedding: tuple[fem.Function, fem.Function] | None = None,
     ) -> None:
         V = w.function_space
-        self.ogden_terms = len(fields.ogden_mu)
-        self._library = native.library(V.mesh.comm, self.ogden_terms)
+        self.library = native.library(V.mesh.comm, len(fields.ogden_mu))
         self._laws = [
             (number, np.ascontiguousarray(law_cells[law], dtype=np.int32))
             for number, law in enumerate(LAW_IDS)
@@ -124,7 +128,7 @@ class CellLoops:
             anchor = at_rest.x.array
         geometry = V.mesh.geometry
         for law, cells in self._laws:
-            self._library.call(
+            self.library.call(
                 name,
                 law,
                 len(cells),

@@ -23,7 +23,6 @@ from dolfinx.common import IndexMap
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from calfsocket import native
 from calfsocket.cells import CellLoops
 from calfsocket.contact.interface import ContactInterface, ContactTangent
 from calfsocket.petsc_options import OPTIONS_PREFIX, defaults
@@ -82,7 +81,7 @@ class CondensedTangent:
         self._comm = V.mesh.comm
         self._contact = contact
         self._tissues = tissues
-        self._library = native.library(self._comm, tissues.ogden_terms)
+        self._library = tissues.library
         cells = V.mesh.topology.index_map(2)
         dofs = V.dofmap.list
         p0, *others = dofs[:, _PRESSURE].T

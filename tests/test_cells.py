@@ -36,7 +36,7 @@ def ring(laws=SOFT, **settings):
 
 def by_loops(model, library=None):
     if library is not None:
-        model._tissues._library = library
+        model._tissues.library = library
     values = np.zeros(len(model.w.x.array))
     model._tissues.add_residuals(values)
     return values
