@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks import growth, ranks, runs, start
-from calfsocket.versions import versions
-from calfsocket.writers import write_json
+from calfsocket.io.files import write_json
+from calfsocket.io.versions import versions
 
 SUBJECTS: dict[str, tuple[Callable[[str], dict[str, Any]], Callable[[dict[str, Any]], Table]]] = {
     "start": (start.measure, start.table),

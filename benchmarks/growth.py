@@ -6,7 +6,7 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.measure import study
-from calfsocket.profile import FACTORISATION, SOLVE, TRIANGULAR
+from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR
 
 SIZES = ("7000", "15000", "31900", "65000", "130000", "200000")
 ONE = ("--sockets", "TSB", "--materials", "combined")

@@ -5,7 +5,7 @@ from typing import Any
 from rich.table import Table
 
 from benchmarks.measure import study
-from calfsocket.profile import FACTORISATION, SOLVE, TRIANGULAR, solve_ratio
+from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR, solve_ratio
 
 RATIO = 1.4
 """Largest ratio of the solution's wall time to its factorisations and triangular solves."""

@@ -30,8 +30,8 @@ from calfsocket.commands import (
     verify,
     warm,
 )
-from calfsocket.ending import all_are_here, end_all, exit_code, heed_termination
-from calfsocket.errors import CalfsocketError, InputError
+from calfsocket.io.errors import CalfsocketError, InputError
+from calfsocket.parallel.abort import all_are_here, end_all, exit_code, heed_termination
 
 PROGRAM = "python3 -m calfsocket"
 

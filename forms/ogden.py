@@ -4,8 +4,8 @@ r"""Ogden's law, isochoric part.
 
 lb_k = J^(-1/3) l_k the three deviatoric stretches (plane strain: l3 = 1). This is Abaqus's form;
 the initial shear modulus is mu_0 = sum_i mu_i. The paper's equation (1) has mu_i/alpha_i in front:
-the same energy with every mu_i multiplied by alpha_i/2, which is how `calfsocket.laws.Ogden` offers
-it.
+the same energy with every mu_i multiplied by alpha_i/2, which is how
+`calfsocket.materials.laws.Ogden` offers it.
 
 With s = J^(alpha/6), d = ln(l1/l2) and l1^a + l2^a = 2 J^(a/2) cosh(a d/2), the bracket is
 

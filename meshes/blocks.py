@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import gmsh
 from mpi4py import MPI
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, tags
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.triangles import TriangleMesh

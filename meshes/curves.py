@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 
 Array = NDArray[np.float64]
 #: Points on a curve, mm, shape (n, 2) -> how far to move them outward, mm, shape (n,).

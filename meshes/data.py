@@ -15,9 +15,9 @@ from pydantic import (
     model_validator,
 )
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import Strict, nearest, read_json
 from calfsocket.meshes import tags
-from calfsocket.meshes.schema import Strict, nearest, read_json
 
 #: A length, mm, with a sign. No section of a limb is wider; sampling one of 10 km would not end.
 Length = Annotated[float, Field(ge=-1000, le=1000)]

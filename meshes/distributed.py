@@ -10,7 +10,7 @@ from dolfinx.io.utils import distribute_entity_data
 from dolfinx.mesh import GhostMode, Mesh, MeshTags
 from mpi4py import MPI
 
-from calfsocket.errors import CalfsocketError
+from calfsocket.io.errors import CalfsocketError
 from calfsocket.meshes.gmsh_model import TRIANGLE6
 from calfsocket.meshes.triangles import TriangleMesh
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.loops import self_crossing

@@ -8,7 +8,7 @@ import shapely
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.data import EllipseCurve, Limb, OffsetCurve, SplineCurve

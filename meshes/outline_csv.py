@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import read_text
 from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.drawn import Drawn
-from calfsocket.meshes.schema import read_text
 
 #: The outline is open where it closes with a side this many times as long as the longest other.
 _OPENING = 3.0

@@ -15,9 +15,9 @@ from ezdxf.document import Drawing
 from ezdxf.entities import DXFEntity
 from ezdxf.math import Matrix44
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import check_readable
 from calfsocket.meshes.drawn import EXTENT, Drawn, Piece, check_extent, joined
-from calfsocket.meshes.schema import check_readable
 
 TYPES = ("LWPOLYLINE", "POLYLINE", "SPLINE", "CIRCLE", "ELLIPSE", "LINE", "ARC")
 #: Distance, mm, from a curve to the chords that stand for it; their ends are on the curve.

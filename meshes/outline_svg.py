@@ -13,11 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 import svgelements
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
-from calfsocket.meshes.schema import read_text
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
 #: What draws nothing where it stands.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.data import Limb, Socket
 from calfsocket.meshes.loops import at, limb_curves, polar_angle

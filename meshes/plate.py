@@ -7,7 +7,7 @@ import gmsh
 import numpy as np
 from pydantic import PositiveFloat, model_validator
 
-from calfsocket.meshes.schema import Strict
+from calfsocket.io.schema import Strict
 
 Corner = tuple[float, float, float]
 """Place of a corner and radius of its fillet, mm."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import gmsh
 from mpi4py import MPI
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, tags
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.triangles import TriangleMesh

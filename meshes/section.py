@@ -10,7 +10,7 @@ import pandas as pd
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, sizing, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.data import Limb, Socket, Sockets, load_limb, load_sockets

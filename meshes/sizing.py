@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import nearest
 from calfsocket.meshes.curves import Array, ClosedCurve
-from calfsocket.meshes.schema import nearest
 
 #: Distance of the points that stand for a curve, mm.
 SAMPLE_STEP = 0.1

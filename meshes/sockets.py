@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Outline, Shape, Socket

@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 from PIL import Image
 
-from calfsocket import writers
-from calfsocket.tissues import material_set
+from calfsocket.io.files import write_json
+from calfsocket.materials.tissues import material_set
 
 FORCE = {
     "separate": (10.0, 20.0, 30.0, 40.0),
@@ -40,7 +40,7 @@ def write_calibration(
         "table1": {"mu_kPa": 12.0, "alpha": 14.0, "d1_per_MPa": 1.67},
         "curves": {name: {"negative_modes": [0, 0, 0, 0]} for name in FORCE},
     }
-    writers.write_json(folder / "calibration.json", content)
+    write_json(folder / "calibration.json", content)
     curves = {f"{name}_N_per_m": values for name, values in (FORCE | (force or {})).items()}
     pd.DataFrame({"displacement_mm": (1.0, 2.0, 3.0, 4.0)} | curves).to_csv(
         folder / "curves.csv", index=False

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from calfsocket import writers
-from calfsocket.case import Case, Settings, case_laws
-from calfsocket.contact_line import ContactLine
+from calfsocket.io.files import write_json
+from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.outcomes import summary_rows
-from calfsocket.section_fields import SectionFields
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import summary_rows
+from calfsocket.postprocess.vtu import write_fields
+from calfsocket.simulation.case import Case, Settings, case_laws
 from sections import grid, limb_and_socket, section
 
 Key = tuple[str, str]
@@ -127,7 +129,7 @@ def write_results(
         name: {"status": "failed", "message": why} for name, why in (failed or {}).items()
     }
     for (socket, name), (fields, line) in cases.items():
-        writers.write_fields(folder / f"{socket}_{name}", fields, socket, name)
+        write_fields(folder / f"{socket}_{name}", fields, socket, name)
         summary.append(summary_rows(fields, line, socket, name))
         contact.append(line.rows(socket, name))
         for number, load in enumerate((0.5, 1.0)):
@@ -145,9 +147,7 @@ def write_results(
         ("contact", contact),
         ("steps", [pd.DataFrame(steps)]),
     ):
-        pd.concat(rows).to_csv(
-            folder / f"{file}.csv", index=False, float_format=writers.FLOAT_FORMAT
-        )
+        pd.concat(rows).to_csv(folder / f"{file}.csv", index=False, float_format=FLOAT_FORMAT)
     laws = {
         name: {
             tissue: {"law": law.name, **asdict(law)}
@@ -164,5 +164,5 @@ def write_results(
         "finished": True,
         "cases": entries,
     }
-    writers.write_json(folder / "run.json", run)
+    write_json(folder / "run.json", run)
     return folder

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from calfsocket.checkpoint import Checkpoint
-from calfsocket.stepping import StepControl, Stepper
+from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.simulation.checkpoint import Checkpoint
 from ring_model import ring_model
 
 CONTROLS = {

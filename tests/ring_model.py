@@ -6,11 +6,11 @@ import sys
 import numpy as np
 from mpi4py import MPI
 
-from calfsocket.gather import contact_line, section_fields
+from calfsocket.materials.tissues import material_set
+from calfsocket.mechanics.problem import Model, SocketSupport
+from calfsocket.mechanics.stepping import StepControl, Stepper
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model, SocketSupport
-from calfsocket.stepping import StepControl, Stepper
-from calfsocket.tissues import material_set
+from calfsocket.postprocess.extract import contact_line, section_fields
 
 LAYERS = [
     ("bone", 10.0, 14.0),

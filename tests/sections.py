@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from calfsocket.contact_line import ContactLine
-from calfsocket.section_fields import GAUSS_POINTS, SectionFields
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
 
 Field = Callable[[np.ndarray], np.ndarray]
 

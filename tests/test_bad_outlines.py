@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.outline import read_outline
 from drawings import dxf
 from reliability import Trial

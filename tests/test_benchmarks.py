@@ -32,7 +32,7 @@ def test_a_process_that_fails_is_told_with_its_words():
 def test_exponents_are_those_of_the_costs(monkeypatch):
     import pandas as pd
 
-    from calfsocket.profile import FACTORISATION, SOLVE, TRIANGULAR
+    from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR
 
     def study(*options):
         n = int(options[1])

@@ -17,9 +17,10 @@ from calfsocket.calibration.indentation import Curve, Indentation
 from calfsocket.calibration.run import Settings, calibrate
 from calfsocket.calibration.specimen import Specimen, compound_specimen
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.errors import InputError, SolveError
-from calfsocket.laws import Ogden
-from calfsocket.material_file import read_material
+from calfsocket.io.errors import InputError, SolveError
+from calfsocket.materials.file import read_material
+from calfsocket.materials.laws import Ogden
+from calfsocket.materials.tissues import MUSCLE, SOCKET, material_set
 from calfsocket.meshes.compound import Compound, load_compound
 from calfsocket.meshes.data import load_limb
 from calfsocket.meshes.sizing import mesh_size
@@ -31,7 +32,6 @@ from calfsocket.report.calibration import (
     SEPARATE,
     TABLE1,
 )
-from calfsocket.tissues import MUSCLE, SOCKET, material_set
 
 COARSE = replace(mesh_size("coarse"), largest=8.0, growth=1.5)
 
@@ -294,7 +294,7 @@ def test_curves_are_the_same_on_several_ranks(mpirun):
         "from calfsocket.contact.nitsche import ContactParameters;"
         "from calfsocket.meshes.compound import load_compound;"
         "from calfsocket.meshes.sizing import mesh_size;"
-        "from calfsocket.tissues import material_set;"
+        "from calfsocket.materials.tissues import material_set;"
         "s = compound_specimen(MPI.COMM_WORLD, load_compound(), mesh_size('coarse'));"
         "t = Indentation(s, material_set('separate'), ContactParameters());"
         "c = t.curve(np.array([0.6, 1.2]), count_modes=True);"

@@ -6,13 +6,14 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from calfsocket import cells, native
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
-from calfsocket.laws import Hencky, Ogden, Yeoh
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh
+from calfsocket.mechanics.kernels import cells
+from calfsocket.mechanics.kernels import library as native
+from calfsocket.mechanics.problem import Model
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
 
 LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 29.0), ("fascia", 29.0, 30.0), ("skin", 30, 32.0)]
 # Moduli of one size, so that no law hides in another's rounding.

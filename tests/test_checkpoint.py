@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from calfsocket.case import Case, Run, Settings
-from calfsocket.checkpoint import Checkpoint, CheckpointError
-from calfsocket.errors import SolveError, WriteError
+from calfsocket.io.errors import SolveError, WriteError
+from calfsocket.mechanics.newton import Solver
+from calfsocket.mechanics.stepping import Milestone, StepControl, Stepper
 from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.solver import Solver
-from calfsocket.stepping import Milestone, StepControl, Stepper
+from calfsocket.simulation.case import Case, Run, Settings
+from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError
 from ring_checkpoint import CONTROLS
 from ring_model import ring_model
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from calfsocket import cli, study
+from calfsocket import cli
 from calfsocket.calibration import run as calibration
-from calfsocket.ending import Terminated
+from calfsocket.parallel.abort import Terminated
+from calfsocket.study import study
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -192,8 +193,8 @@ def test_bad_input_is_said_once_under_mpirun(launch, tmp_path):
 def test_what_the_first_rank_refuses_all_ranks_refuse(mpirun):
     program = (
         "from mpi4py import MPI\n"
-        "from calfsocket.commands.first_rank import on_first_rank\n"
-        "from calfsocket.errors import InputError\n"
+        "from calfsocket.parallel.first_rank import on_first_rank\n"
+        "from calfsocket.io.errors import InputError\n"
         "def refuse(): raise InputError(f'refused on {MPI.COMM_WORLD.rank}')\n"
         "try: on_first_rank(MPI.COMM_WORLD, refuse)\n"
         "except InputError as error: print(error)\n"

@@ -6,12 +6,13 @@ import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
-from calfsocket import compilation, tissues
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.gather import contact_line, section_fields
-from calfsocket.laws import Ogden, ogden_terms
+from calfsocket.materials import tissues
+from calfsocket.materials.laws import Ogden, ogden_terms
+from calfsocket.mechanics.problem import Model
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
+from calfsocket.postprocess.extract import contact_line, section_fields
+from calfsocket.simulation import precompile as compilation
 
 LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 29.0), ("fascia", 29.0, 30.0), ("skin", 30, 32.0)]
 

@@ -12,11 +12,11 @@ from petsc4py import PETSc
 
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.forms import mixed
-from calfsocket.laws import Hencky
+from calfsocket.materials.laws import Hencky
+from calfsocket.materials.tissues import material_set
+from calfsocket.mechanics.newton import Solver
+from calfsocket.mechanics.problem import LARGEST_BULK_RATIO, SUPPORT_STIFFNESS, Model
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import LARGEST_BULK_RATIO, SUPPORT_STIFFNESS, Model
-from calfsocket.solver import Solver
-from calfsocket.tissues import material_set
 
 LAYERS = [
     ("bone", 10.0, 14.0),

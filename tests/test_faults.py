@@ -15,9 +15,10 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
-from calfsocket import compilation, resume
-from calfsocket.errors import InputError
-from calfsocket.study import run_study
+from calfsocket.io.errors import InputError
+from calfsocket.simulation import precompile as compilation
+from calfsocket.study import restart as resume
+from calfsocket.study.study import run_study
 from reliability import Trial
 from tiny_study import Fault, tiny_study
 
@@ -56,52 +57,52 @@ TRIALS = (
     fails(
         "no memory for the matrix",
         "out of memory; use a coarser mesh or fewer ranks at a time",
-        "calfsocket.model:Model.create_matrix",
+        "calfsocket.mechanics.problem:Model.create_matrix",
         error="MemoryError",
         words=(),
     ),
     fails(
         "an exception in the residual, inside PETSc",
         "RuntimeError: injected",
-        "calfsocket.model:Model.residual",
+        "calfsocket.mechanics.problem:Model.residual",
         call=9,
     ),
     fails(
         "an exception in the tangent, inside PETSc",
         "ZeroDivisionError: injected",
-        "calfsocket.model:Model.tangent",
+        "calfsocket.mechanics.problem:Model.tangent",
         call=6,
         error="ZeroDivisionError",
     ),
     fails(
         "Newton's method finds no equilibrium",
         "no equilibrium between load 0.2500 and 0.2550",
-        "calfsocket.stepping:Stepper.run",
+        "calfsocket.mechanics.stepping:Stepper.run",
         error="SolveError",
         words=("no equilibrium between load 0.2500 and 0.2550",),
     ),
     fails(
         "an exception in the checks of a result",
         "RuntimeError: injected",
-        "calfsocket.model:Model.force_balance",
+        "calfsocket.mechanics.problem:Model.force_balance",
     ),
     fails(
         "an exception in the outcomes",
         "IndexError: injected",
-        "calfsocket.running:section_fields",
+        "calfsocket.study.runner:section_fields",
         error="IndexError",
     ),
     fails(
         "no space for the fields",
         "fields.vtu: cannot be written: No space left on device; free some space",
-        "calfsocket.writers:_vtu",
+        "calfsocket.io.files:_vtu",
         error="OSError",
         words=FULL,
     ),
     passes(
         "no space for a step while solving",
         "said once, and the steps are written at the end",
-        "calfsocket.running:_merge",
+        "calfsocket.study.runner:_merge",
         error="OSError",
         words=FULL,
     ),
@@ -115,7 +116,7 @@ TRIALS = (
     passes(
         "no space for run.json when a case ends",
         "said, and written when there is space",
-        "calfsocket.ledger:_cases_table",
+        "calfsocket.study.record:_cases_table",
         call=2,
         error="OSError",
         words=FULL,
@@ -123,7 +124,7 @@ TRIALS = (
     passes(
         "an exception while the picture is drawn",
         "said; `calfsocket picture` can draw it later",
-        "calfsocket.picture:draw",
+        "calfsocket.plotting.case:draw",
     ),
 )  # fmt: skip
 
@@ -200,7 +201,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
 
 def test_the_fault_is_in_run_json_with_its_place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fault = Fault("calfsocket.model:Model.residual", call=5)
+    fault = Fault("calfsocket.mechanics.problem:Model.residual", call=5)
     owner, name = fault.owner()
     monkeypatch.setattr(owner, name, fault.put_into(getattr(owner, name)))
     assert not run_study(MPI.COMM_SELF, tiny_study(tmp_path / "r", ("A",)))
@@ -212,7 +213,7 @@ def test_the_fault_is_in_run_json_with_its_place(tmp_path, monkeypatch):
 def test_who_wants_to_end_is_not_a_failing_case(stop, tmp_path, monkeypatch):
     """Ctrl-C inside a callback of PETSc comes out as Ctrl-C."""
     monkeypatch.chdir(tmp_path)
-    fault = Fault("calfsocket.model:Model.tangent", call=5, error=stop.__name__)
+    fault = Fault("calfsocket.mechanics.problem:Model.tangent", call=5, error=stop.__name__)
     owner, name = fault.owner()
     monkeypatch.setattr(owner, name, fault.put_into(getattr(owner, name)))
     with pytest.raises(stop):

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, brentq
 
-from calfsocket import tissues
-from calfsocket.errors import InputError
 from calfsocket.fit import problem
 from calfsocket.fit.data import Test
 from calfsocket.fit.doubts import doubts
@@ -17,7 +15,9 @@ from calfsocket.fit.modes import MODES, engineering_stress
 from calfsocket.fit.regression import Fit, fit
 from calfsocket.fit.stability import StableRange, stable_ranges, tangents
 from calfsocket.forms.accuracy import series_error
-from calfsocket.laws import Hencky, Ogden, Yeoh, neo_hookean
+from calfsocket.io.errors import InputError
+from calfsocket.materials import tissues
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh, neo_hookean
 
 SIGMA = 0.682689492  # of a normal distribution, within one standard deviation
 

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket import tissues
 from calfsocket.cli import main
-from calfsocket.errors import InputError
 from calfsocket.fit.data import read_test
 from calfsocket.fit.synthetic import EXAMPLES
-from calfsocket.material_file import read_material
+from calfsocket.io.errors import InputError
+from calfsocket.materials import tissues
+from calfsocket.materials.file import read_material
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 GOOD = "1, 0\n1.05, 1\n1.1, 2.1\n1.15, 3.3\n1.2, 4.6\n"

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import ufl
 
-from calfsocket.closed_forms import closed_cauchy
 from calfsocket.forms import mixed
 from calfsocket.forms.accuracy import series_error
-from calfsocket.laws import Ogden
+from calfsocket.materials.closed_forms import closed_cauchy
+from calfsocket.materials.laws import Ogden
 from calfsocket.verification.material_point import (
     LAWS,
     LOAD_CASES,

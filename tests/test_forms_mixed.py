@@ -8,10 +8,10 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from calfsocket import tissues
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
-from calfsocket.laws import Hencky, Law, Ogden, Yeoh, law_fields, law_tags
+from calfsocket.materials import tissues
+from calfsocket.materials.laws import Hencky, Law, Ogden, Yeoh, law_fields, law_tags
 
 # Regions 1 to 4, moduli of one size so that no law hides in another's rounding.
 LAWS: dict[int, Law] = {

@@ -13,9 +13,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calfsocket.errors import InputError
 from calfsocket.fit.data import read_test
-from calfsocket.material_file import read_material
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import read_json
+from calfsocket.materials.file import read_material
 from calfsocket.meshes import data
 from calfsocket.meshes.data import (
     Bump,
@@ -30,7 +31,6 @@ from calfsocket.meshes.data import (
 )
 from calfsocket.meshes.outline import read_outline
 from calfsocket.meshes.placement import check_placement
-from calfsocket.meshes.schema import read_json
 
 Reader = Callable[[Path], object]
 

@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from test_bad_input import GOOD
 
-from calfsocket.errors import InputError
-from calfsocket.studyfile import document, reading
-from calfsocket.studyfile.files import Files
+from calfsocket.io.errors import InputError
+from calfsocket.study import document, reading
+from calfsocket.study.files import Files
 
 KEYS = sorted(
     {

@@ -6,13 +6,14 @@ import tomllib
 
 import pytest
 
-from calfsocket import study, tissues
-from calfsocket.case import Case, case_laws
 from calfsocket.cli import main
-from calfsocket.errors import InputError
-from calfsocket.laws import Hencky, Ogden, Yeoh
-from calfsocket.material_file import read_material, read_materials, write_material
-from calfsocket.units import COMPLIANCE, STRESS
+from calfsocket.io.errors import InputError
+from calfsocket.io.units import COMPLIANCE, STRESS
+from calfsocket.materials import tissues
+from calfsocket.materials.file import read_material, read_materials, write_material
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh
+from calfsocket.simulation.case import Case, case_laws
+from calfsocket.study import study
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import quality, tags
 from calfsocket.meshes.blocks import DiscInCavity, Rings
 from calfsocket.meshes.triangles import TriangleMesh

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import quality, tags
 from calfsocket.meshes.compound import build, load_compound
 from calfsocket.meshes.data import load_limb

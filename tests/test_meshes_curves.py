@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.data import Bump, load_limb, load_sockets

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import data
 from calfsocket.meshes.data import load_limb, load_sockets
 

@@ -9,7 +9,7 @@ import pytest
 from dolfinx.mesh import entities_to_geometry
 from mpi4py import MPI
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.rings import ring_mesh
@@ -109,7 +109,7 @@ def test_several_ranks_see_the_mesh_of_one(
 
 REFUSAL = """
 from mpi4py import MPI
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.rings import ring_mesh
 for size, error in ((0.0, InputError), ("no number", RuntimeError)):
     try:

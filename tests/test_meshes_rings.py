@@ -6,7 +6,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import quality, rings, tags
 
 LAYERS = [("bone", 10.0, 20.0), ("fat", 20.0, 40.0)]

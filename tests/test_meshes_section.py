@@ -11,7 +11,7 @@ from dolfinx.io import gmshio
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, quality, section, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.data import load_limb, load_sockets

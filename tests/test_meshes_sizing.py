@@ -4,7 +4,7 @@ from dataclasses import astuple, replace
 
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.meshes.section import build
 from calfsocket.meshes.sizing import (

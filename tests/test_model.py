@@ -10,11 +10,11 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from calfsocket.errors import SolveError
+from calfsocket.io.errors import SolveError
+from calfsocket.materials.tissues import material_set
+from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.stepping import StepControl, Stepper
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
-from calfsocket.stepping import StepControl, Stepper
-from calfsocket.tissues import material_set
 from ring_model import SOCKET, describe, ring_model, solved_ring
 
 

@@ -9,10 +9,13 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
-from calfsocket.study import run_study
+from calfsocket.study.study import run_study
 from reliability import Trial
 from test_faults import entries
 from tiny_study import Fault, tiny_study
+
+RESIDUAL = "calfsocket.mechanics.problem:Model.residual"
+TANGENT = "calfsocket.mechanics.problem:Model.tangent"
 
 TITLE = "Faults of one rank among several"
 INTRO = """\
@@ -41,28 +44,28 @@ def _marked(trial: Trial, slow: bool) -> object:
 
 
 CASES = (
-    ends("compiling, first rank", "calfsocket.compilation:_use_all_forms", (0,)),
+    ends("compiling, first rank", "calfsocket.simulation.precompile:_use_all_forms", (0,)),
     agrees("mesh, first rank", "calfsocket.meshes.section:build", (0,)),
     ends("mesh, second rank", "calfsocket.meshes.distributed:SectionMesh", (1,)),
-    ends("set-up, first rank", "calfsocket.model:Model._skin_law", (0,)),
-    ends("set-up, second rank", "calfsocket.model:Model._skin_law", (1,)),
-    ends("input refused by the second rank alone", "calfsocket.model:Model._fix", (1,),
+    ends("set-up, first rank", "calfsocket.mechanics.problem:Model._skin_law", (0,)),
+    ends("set-up, second rank", "calfsocket.mechanics.problem:Model._skin_law", (1,)),
+    ends("input refused by the second rank alone", "calfsocket.mechanics.problem:Model._fix", (1,),
          error="InputError"),
-    ends("residual, first rank", "calfsocket.model:Model.residual", (0,), 12),
-    ends("residual, second rank", "calfsocket.model:Model.residual", (1,), 12, slow=False),
-    agrees("residual, both ranks", "calfsocket.model:Model.residual", (0, 1), 12),
-    ends("tangent, first rank", "calfsocket.model:Model.tangent", (0,), 6),
-    ends("tangent, second rank, no memory", "calfsocket.model:Model.tangent", (1,), 6,
+    ends("residual, first rank", RESIDUAL, (0,), 12),
+    ends("residual, second rank", RESIDUAL, (1,), 12, slow=False),
+    agrees("residual, both ranks", RESIDUAL, (0, 1), 12),
+    ends("tangent, first rank", TANGENT, (0,), 6),
+    ends("tangent, second rank, no memory", TANGENT, (1,), 6,
          error="MemoryError"),
-    ends("checkpoint, second rank", "calfsocket.checkpoint:Checkpoint._gather", (1,), 4),
-    ends("checks, second rank", "calfsocket.model:Model.smallest_volume_ratio", (1,)),
-    ends("outcomes, first rank", "calfsocket.running:contact_line", (0,)),
-    ends("outcomes, second rank", "calfsocket.running:section_fields", (1,)),
-    agrees("files, first rank", "calfsocket.running:_write_case", (0,), slow=False),
-    ends("run.json, first rank", "calfsocket.ledger:Ledger.record", (0,)),
-    ends("next case, second rank", "calfsocket.farm:Farm.next_case", (1,), 2),
-    ends("killed, first rank", "calfsocket.model:Model.residual", (0,), 12, error="SIGKILL"),
-    ends("killed, second rank", "calfsocket.model:Model.residual", (1,), 12, error="SIGKILL",
+    ends("checkpoint, second rank", "calfsocket.simulation.checkpoint:Checkpoint._gather", (1,), 4),
+    ends("checks, second rank", "calfsocket.mechanics.problem:Model.smallest_volume_ratio", (1,)),
+    ends("outcomes, first rank", "calfsocket.study.runner:contact_line", (0,)),
+    ends("outcomes, second rank", "calfsocket.study.runner:section_fields", (1,)),
+    agrees("files, first rank", "calfsocket.study.runner:_write_case", (0,), slow=False),
+    ends("run.json, first rank", "calfsocket.study.record:Ledger.record", (0,)),
+    ends("next case, second rank", "calfsocket.parallel.scheduler:Farm.next_case", (1,), 2),
+    ends("killed, first rank", RESIDUAL, (0,), 12, error="SIGKILL"),
+    ends("killed, second rank", RESIDUAL, (1,), 12, error="SIGKILL",
          slow=False),
     ends("killed while writing", "numpy:savez", (0,), 2, error="SIGKILL"),
 )  # fmt: skip
@@ -148,7 +151,9 @@ def test_shapes(ranks, how, launch, tmp_path):
     study = how.get("study", {"sockets": ["A", "B"]})
     expected = tmp_path / "expected"
     assert run_study(MPI.COMM_SELF, tiny_study(expected, tuple(study["sockets"])))
-    fault = Fault("calfsocket.checkpoint:Checkpoint.save", tuple(range(ranks)), 3, "SIGKILL")
+    fault = Fault(
+        "calfsocket.simulation.checkpoint:Checkpoint.save", tuple(range(ranks)), 3, "SIGKILL"
+    )
     ended = run(launch, ranks, fault=fault.__dict__, **how)
     assert ended.returncode != 0
     ended = run(launch, ranks, go_on=True, **how)
@@ -160,7 +165,7 @@ def test_shapes(ranks, how, launch, tmp_path):
 
 def test_mpirun_asked_to_end(launch, tmp_path):
     """SIGTERM to one rank ends all; results are whole, and the message comes once."""
-    fault = Fault("calfsocket.model:Model.residual", (1,), 4, "SIGTERM")
+    fault = Fault(RESIDUAL, (1,), 4, "SIGTERM")
     ended = run(launch, 2, fault=fault.__dict__, study={"sockets": ["A", "B", "C"]})
     assert ended.returncode == 143
     assert ended.stderr.count("calfsocket: interrupted") == 1
@@ -170,7 +175,7 @@ def test_mpirun_asked_to_end(launch, tmp_path):
 
 def test_cases_side_by_side_fail_alone(launch, tmp_path, unbroken):
     """A rank by itself needs nobody's agreement: the other's case goes on meanwhile."""
-    fault = Fault("calfsocket.model:Model.residual", (0,), 8)
+    fault = Fault(RESIDUAL, (0,), 8)
     ended = run(launch, 2, fault=fault.__dict__)
     assert ended.returncode == 1
     assert sorted(entry["status"] for entry in entries(tmp_path / "results").values()) == [

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import logm
 
-from calfsocket.contact_line import ContactLine
-from calfsocket.outcomes import (
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
+from calfsocket.postprocess.quantities import (
     EXTRAPOLATION,
     SUMMARY_COLUMNS,
     CellOutcomes,
@@ -23,7 +24,6 @@ from calfsocket.outcomes import (
     running_mean,
     summary_rows,
 )
-from calfsocket.section_fields import GAUSS_POINTS, SectionFields
 from sections import contact_around, grid, limb_and_socket, section
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves, section
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.data import Outline, Socket, Sockets, load_limb, load_sockets

@@ -23,7 +23,7 @@ data.load_sockets()
 published.claims()
 page.read_template("report.html")
 page.read_template("report.css")
-from calfsocket.studyfile import reading
+from calfsocket.study import reading
 reading.paper_study().plan()
 reading.example()
 """

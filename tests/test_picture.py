@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Curve
 
-from calfsocket import drawing, picture, pressure_band
-from calfsocket.pressure_band import PressureBand, outward_normals
-from calfsocket.writers import write_fields
+from calfsocket.plotting import case as picture
+from calfsocket.plotting import pressure_band
+from calfsocket.plotting import section as drawing
+from calfsocket.plotting.pressure_band import PressureBand, outward_normals
+from calfsocket.postprocess.vtu import write_fields
 from sections import contact_around, limb_and_socket
 
 
@@ -52,7 +54,7 @@ def test_the_same_files_give_the_same_picture(folder):
 
 def test_drawing_does_not_need_the_solver():
     code = (
-        "import sys, calfsocket.picture;"
+        "import sys, calfsocket.plotting.case;"
         "print([m for m in ('mpi4py', 'petsc4py', 'dolfinx', 'gmsh') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,9 +7,9 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from calfsocket import profile
-from calfsocket.profile import FACTORISATION, SOLVE, TRIANGULAR, Profile, solve_ratio
-from calfsocket.stepping import StepControl, Stepper
+from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.simulation import profile
+from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR, Profile, solve_ratio
 from ring_model import ring_model
 
 
@@ -79,7 +79,7 @@ def test_a_phase_does_not_count_what_another_inside_it_does():
     from time import sleep
     from types import SimpleNamespace
 
-    from calfsocket.case import Run
+    from calfsocket.simulation.case import Run
 
     run = SimpleNamespace(seconds={}, _inside=0.0)
     with Run.phase(run, "solve"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.report import calibration, writing
 from calfsocket.report.calibration import NoCalibration, read_calibration
 from calfsocket.report.claims.evidence import Evidence, NotChecked

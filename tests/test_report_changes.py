@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.report import published
 from calfsocket.report.changes import magnitude_change, relative_change, relative_changes
 from calfsocket.report.results import read_results

@@ -11,14 +11,15 @@ from pathlib import Path
 import pytest
 from conftest import WHY
 
-from calfsocket import cli, study
+from calfsocket import cli
 from calfsocket.report import answer, method, scoreboard, writing
 from calfsocket.report.answer import sector
 from calfsocket.report.damage import Thresholds
 from calfsocket.report.drawn import Drawn
 from calfsocket.report.figures import PLANS
 from calfsocket.report.results import read_results
-from calfsocket.running import attempt
+from calfsocket.study import study
+from calfsocket.study.runner import attempt
 from report_results import contact_on, limb, limb_study, write_results
 
 # Reports on the page from within it; added to a copy, since the page itself has no script.

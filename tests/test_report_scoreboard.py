@@ -6,7 +6,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from calfsocket.case import Settings
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.report import comparison, published
 from calfsocket.report.changes import magnitude_change
@@ -24,6 +23,7 @@ from calfsocket.report.scoreboard import (
     scoreboard,
     table,
 )
+from calfsocket.simulation.case import Settings
 from report_results import ALL, limb_study, write_results
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket.case import Settings
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.report import comparison, published, tables
 from calfsocket.report.damage import Thresholds, damage, gauss_areas, tensile_strain
 from calfsocket.report.results import Results, read_results
 from calfsocket.report.table import Table, change, number, spread
 from calfsocket.report.tables import TIMES, TOGETHER
+from calfsocket.simulation.case import Settings
 from report_results import ALL, contact_on_plate, limb_study, plate, write_results
 
 

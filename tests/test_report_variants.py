@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket import variants as family
-from calfsocket.case import Case, Settings
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.report import variants
 from calfsocket.report.scoreboard import HOLDS, UNCHECKED
-from calfsocket.study import Study
+from calfsocket.simulation.case import Case, Settings
+from calfsocket.study import variants as family
+from calfsocket.study.study import Study
 from report_results import ALL, contact_on, limb, limb_study, write_results
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from calfsocket.solver import Solver
+from calfsocket.mechanics.newton import Solver
 
 FULL_STEPS_FAIL = 3.0  # Newton's full steps on atan(x) run away from |x| > 1.392
 

@@ -10,9 +10,9 @@ import pytest
 import pyvista
 
 from calfsocket import cli
-from calfsocket.case import Settings
 from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.study import Study, all_cases, longest_first
+from calfsocket.simulation.case import Settings
+from calfsocket.study.study import Study, all_cases, longest_first
 
 COLUMNS = [
     "socket", "material_set", "tissue", "outcome", "value", "unit", "x_mm", "y_mm", "region"

@@ -10,21 +10,21 @@ import jsonschema
 import numpy as np
 import pytest
 
-from calfsocket import cli, variants
-from calfsocket.case import Case, Settings, region_laws
+from calfsocket import cli
 from calfsocket.commands import study as paper_command
-from calfsocket.inventory import laws_of_sets
-from calfsocket.laws import Hencky, Ogden
+from calfsocket.materials.laws import Hencky, Ogden
+from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, data
 from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
 from calfsocket.meshes.loops import limb_curves
-from calfsocket.study import all_cases
-from calfsocket.studyfile import document, reading, schema
-from calfsocket.studyfile.build import to_study
-from calfsocket.studyfile.plan import Plan
-from calfsocket.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
+from calfsocket.simulation.case import Case, Settings, region_laws
+from calfsocket.study import document, reading, schema, variants
+from calfsocket.study.build import to_study
+from calfsocket.study.inventory import laws_of_sets
+from calfsocket.study.plan import Plan
+from calfsocket.study.study import all_cases
 
-STUDIES = Path(document.__file__).parent.parent / "studies"
+STUDIES = Path(document.__file__).parent / "data"
 
 
 @pytest.fixture
@@ -228,7 +228,7 @@ def test_laws_by_tissue_and_by_region(plan):
 
 
 def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
-    from calfsocket.case import step_control
+    from calfsocket.simulation.case import step_control
 
     made = plan(
         '[study]\nsockets = ["TC"]\nmaterials = ["a", "b"]\n'
@@ -354,7 +354,7 @@ def test_names_lead_into_lists(plan):
 
 
 def test_check_lists_cases_and_solves_nothing(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("calfsocket.study.run_study", lambda *_: pytest.fail("solved"))
+    monkeypatch.setattr("calfsocket.study.study.run_study", lambda *_: pytest.fail("solved"))
     path = tmp_path / "study.toml"
     path.write_text(BASE)
     assert cli.main(["check", str(path)]) == 0

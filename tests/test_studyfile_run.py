@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from calfsocket import cli
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.data import load_limb
-from calfsocket.study import check_folder
-from calfsocket.studyfile.build import to_study
-from calfsocket.studyfile.reading import read_study
+from calfsocket.study.build import to_study
+from calfsocket.study.reading import read_study
+from calfsocket.study.study import check_folder
 
 STUDY = """
 [study]
@@ -167,8 +167,8 @@ def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
 
 def test_a_run_of_some_cases_repeats_those(tmp_path):
     """The bare command's choice of cases is in run.json, too."""
-    from calfsocket.ledger import Ledger
-    from calfsocket.studyfile.reading import paper_study
+    from calfsocket.study.reading import paper_study
+    from calfsocket.study.record import Ledger
 
     file = paper_study()
     study = to_study(file, file.plan(), tmp_path, only=["HS_combined", "TC_separate"])

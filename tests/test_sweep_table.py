@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from calfsocket.case import Case
-from calfsocket.sweep_table import Sweep, column, harmless, table
-from calfsocket.thresholds import Threshold
+from calfsocket.postprocess.thresholds import Threshold
+from calfsocket.simulation.case import Case
+from calfsocket.study.sweep_table import Sweep, column, harmless, table
 
 CASES = [
     Case("A@friction=0.2", "m", changes={"model.friction": 0.2}),

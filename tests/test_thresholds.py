@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calfsocket.outcomes import running_mean, summary_rows
-from calfsocket.thresholds import Threshold, area_share, outline_share, threshold_rows
+from calfsocket.postprocess.quantities import running_mean, summary_rows
+from calfsocket.postprocess.thresholds import Threshold, area_share, outline_share, threshold_rows
 from report_results import contact_on_plate, plate, with_shear
 
 

@@ -10,11 +10,11 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from calfsocket import tissues
-from calfsocket.closed_forms import closed_kirchhoff
-from calfsocket.errors import InputError
 from calfsocket.forms.mixed import LAW_IDS
-from calfsocket.laws import Hencky, Law, Ogden, Yeoh, law_fields, law_tags
+from calfsocket.io.errors import InputError
+from calfsocket.materials import tissues
+from calfsocket.materials.closed_forms import closed_kirchhoff
+from calfsocket.materials.laws import Hencky, Law, Ogden, Yeoh, law_fields, law_tags
 
 KPA = 1e-3
 

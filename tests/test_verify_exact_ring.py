@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calfsocket.laws import Hencky
-from calfsocket.tissues import material_set
+from calfsocket.materials.laws import Hencky
+from calfsocket.materials.tissues import material_set
 from calfsocket.verification.exact_ring import MATERIALS, OVERCLOSURE, WAVES, solve_ring
 from calfsocket.verification.radial import (
     LIMB,

@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
-from calfsocket.case import Case, Settings
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.materials.tissues import material_set
+from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.stepping import StepControl, Stepper
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
-from calfsocket.stepping import StepControl, Stepper
-from calfsocket.tissues import material_set
+from calfsocket.simulation.case import Case, Settings
 from calfsocket.verification import limb_runs
 from calfsocket.verification.energy import EnergyMeter
 from calfsocket.verification.limb import coarsest_first

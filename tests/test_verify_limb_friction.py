@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calfsocket.case import Case
 from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.simulation.case import Case
 from calfsocket.verification.limb_friction import FREE, Fitting, fit
 
 TSB, HS = Case("TSB", "separate"), Case("HS", "separate")

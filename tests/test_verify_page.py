@@ -6,7 +6,7 @@ import types
 import pandas as pd
 import pytest
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.verification import page
 from calfsocket.verification.report import Check, Figure, Section, Table
 

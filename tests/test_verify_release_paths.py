@@ -7,12 +7,12 @@ from scipy.optimize import brentq
 
 from calfsocket.contact.friction import OPEN
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.driven import Drive, DrivenModel
+from calfsocket.materials.tissues import material_set
+from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
+from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.stepping import StepControl, Stepper
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
-from calfsocket.stepping import StepControl, Stepper
-from calfsocket.tissues import material_set
 from calfsocket.verification.friction import TurnedRing
 from calfsocket.verification.radial import RadialSolution, Ring, exact_ring
 from calfsocket.verification.release_paths import (

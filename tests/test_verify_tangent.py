@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from calfsocket.verification import newton
-from calfsocket.verification.newton import (
-    PROBES,
-    TOLERANCE,
-    Iterations,
-    Solve,
-    probe_at,
-    recording,
-)
+from calfsocket.verification.newton import PROBES, TOLERANCE, Iterations, Solve, probe_at, recording
 from calfsocket.verification.tangent import (
     EQUILIBRIA,
     KINDS,

@@ -12,18 +12,12 @@ import pandas as pd
 import pytest
 import pyvista
 
-from calfsocket.errors import WriteError
-from calfsocket.outcomes import cell_outcomes, summary_rows
-from calfsocket.section_fields import TISSUES
-from calfsocket.writers import (
-    FIELDS_FILE,
-    merge_csv,
-    read_fields,
-    remove_unfinished,
-    replacing,
-    write_fields,
-    write_json,
-)
+from calfsocket.io.errors import WriteError
+from calfsocket.io.files import remove_unfinished, replacing, write_json
+from calfsocket.io.tables import merge_csv
+from calfsocket.postprocess.fields import TISSUES
+from calfsocket.postprocess.quantities import cell_outcomes, summary_rows
+from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
 from sections import contact_around, limb_and_socket
 
 KEY = ["socket", "material_set"]
@@ -226,7 +220,7 @@ def test_fields_are_binary_and_compressed(written):
 def test_what_killed_writers_left_is_removed_and_living_ones_are_left_alone(tmp_path):
     program = (
         "import os, signal, sys\n"
-        "from calfsocket.writers import replacing\n"
+        "from calfsocket.io.files import replacing\n"
         "with replacing(sys.argv[1]) as temporary:\n"
         "    temporary.write_text('half')\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"

@@ -24,12 +24,14 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from calfsocket import cli, compilation, errors
-from calfsocket.case import Case, Settings
+from calfsocket import cli
 from calfsocket.commands import CASE_FAILED, OK
+from calfsocket.io import errors
 from calfsocket.meshes import section, tags
 from calfsocket.meshes.data import Limb, Sockets
-from calfsocket.study import Study, check_folder, run_study
+from calfsocket.simulation import precompile as compilation
+from calfsocket.simulation.case import Case, Settings
+from calfsocket.study.study import Study, check_folder, run_study
 
 # Semi-axes in mm.
 OVALS = {"outside": (12.5, 12.0), "inside": (11.0, 10.5), "bone": (5.0, 4.6), "hollow": (2.6, 2.4)}

@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from calfsocket import drawing
 from calfsocket.calibration.run import Calibration
-from calfsocket.laws import Ogden
+from calfsocket.materials.laws import Ogden
+from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA
+from calfsocket.plotting import section as drawing
 from calfsocket.report.calibration import FIGURE, FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.report.figures.style import (
     WIDTH_MM,
@@ -20,7 +21,6 @@ from calfsocket.report.figures.style import (
     save,
     type_set,
 )
-from calfsocket.tissues import KPA, MUSCLE_AND_FASCIA
 
 COLOURS = {**drawing.TISSUE_COLOURS, "socket": drawing.SOCKET}
 NAMES = {"socket": "plate"}

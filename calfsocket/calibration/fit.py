@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calfsocket.calibration.indentation import Curve
-from calfsocket.errors import InputError, SolveError
-from calfsocket.laws import Ogden, d1_from_poisson
+from calfsocket.io.errors import InputError, SolveError
+from calfsocket.materials.laws import Ogden, d1_from_poisson
 
 FloatArray = NDArray[np.float64]
 

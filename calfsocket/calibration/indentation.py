@@ -9,9 +9,9 @@ from petsc4py import PETSc
 
 from calfsocket.calibration.specimen import Specimen
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.driven import Drive, DrivenModel
-from calfsocket.errors import SolveError
-from calfsocket.laws import Law
+from calfsocket.io.errors import SolveError
+from calfsocket.materials.laws import Law
+from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
 from calfsocket.meshes import tags
 
 FloatArray = NDArray[np.float64]

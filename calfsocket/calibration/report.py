@@ -8,11 +8,14 @@ import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from calfsocket import writers
 from calfsocket.calibration.fit import NU, Fit
 from calfsocket.calibration.run import Calibration, Settings
 from calfsocket.calibration.specimen import LIMB_PLATE
-from calfsocket.material_file import write_material
+from calfsocket.io.files import replacing, write_json
+from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.io.versions import versions
+from calfsocket.materials.file import write_material
+from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA, material_set
 from calfsocket.report.calibration import (
     CURVES_FILE,
     FITTED,
@@ -22,17 +25,15 @@ from calfsocket.report.calibration import (
     SEPARATE,
     TABLE1,
 )
-from calfsocket.tissues import KPA, MUSCLE_AND_FASCIA, material_set
-from calfsocket.versions import versions
 
 MATERIAL_FILE = "combined.toml"
 
 
 def write(calibration: Calibration, settings: Settings, folder: Path) -> None:
     """Write the tables, the result and the fitted material."""
-    writers.write_json(folder / RESULT_FILE, content(calibration, settings))
-    with writers.replacing(folder / CURVES_FILE) as temporary:
-        curves(calibration).to_csv(temporary, index=False, float_format=writers.FLOAT_FORMAT)
+    write_json(folder / RESULT_FILE, content(calibration, settings))
+    with replacing(folder / CURVES_FILE) as temporary:
+        curves(calibration).to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
     fit = calibration.fits[0]
     write_material(
         folder / MATERIAL_FILE,

@@ -12,15 +12,15 @@ from calfsocket.calibration.fit import Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
 from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.errors import InputError
-from calfsocket.gather import section_fields
-from calfsocket.laws import Law, Ogden
+from calfsocket.io.errors import InputError
+from calfsocket.materials.laws import Law, Ogden
+from calfsocket.materials.tissues import FasciaC10, material_set
 from calfsocket.meshes.compound import Compound
 from calfsocket.meshes.data import Limb
 from calfsocket.meshes.sizing import named_size
+from calfsocket.postprocess.extract import section_fields
+from calfsocket.postprocess.fields import SectionFields
 from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1
-from calfsocket.section_fields import SectionFields
-from calfsocket.tissues import FasciaC10, material_set
 
 SpecimenName = Literal["compound", "limb"]
 

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import OK, options
-from calfsocket.commands.first_rank import on_first_rank
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from calfsocket.laws import Ogden
+    from calfsocket.materials.laws import Ogden
 
 HELP = "fit the combined material of muscle and fascia"
 
@@ -74,11 +74,11 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Press, fit, and write curves, material and Figure 3."""
     from rich.console import Console
 
-    from calfsocket import compilation
     from calfsocket.calibration import report
     from calfsocket.calibration.run import STARTS, Settings, calibrate
     from calfsocket.meshes.compound import load_compound
     from calfsocket.meshes.data import load_limb
+    from calfsocket.simulation import precompile as compilation
 
     settings = Settings(
         compound=load_compound(arguments.compound),

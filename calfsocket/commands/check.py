@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import OK
-from calfsocket.commands.first_rank import on_first_rank
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from calfsocket.studyfile.plan import Plan
+    from calfsocket.study.plan import Plan
 
 HELP = "verify a study file in seconds, without solving"
 DESCRIPTION = """\
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Verify it, and list the cases."""
-    from calfsocket.studyfile.reading import read_study
+    from calfsocket.study.reading import read_study
 
     on_first_rank(
         comm, lambda: print(listing(arguments.file, read_study(arguments.file).plan()), end="")

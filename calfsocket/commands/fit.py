@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import OK
-from calfsocket.commands.first_rank import on_first_rank
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -88,14 +88,15 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
 
 def _fit(arguments: argparse.Namespace) -> None:
-    from calfsocket import writers
     from calfsocket.fit import figure, tables
     from calfsocket.fit.data import read_test
     from calfsocket.fit.doubts import doubts
     from calfsocket.fit.families import family
     from calfsocket.fit.regression import fit
     from calfsocket.fit.stability import stable_ranges
-    from calfsocket.material_file import write_material
+    from calfsocket.io.files import replacing, write_json
+    from calfsocket.io.tables import FLOAT_FORMAT
+    from calfsocket.materials.file import write_material
 
     law = arguments.law
     terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1
@@ -114,10 +115,10 @@ def _fit(arguments: argparse.Namespace) -> None:
     out = arguments.out
     try:
         record = tables.fit_record(fitted, stable, notes, settings)
-        writers.write_json(out / "fit.json", record)
-        with writers.replacing(out / "curve.csv") as temporary:
+        write_json(out / "fit.json", record)
+        with replacing(out / "curve.csv") as temporary:
             rows = tables.curve_rows(fitted)
-            rows.to_csv(temporary, index=False, float_format=writers.FLOAT_FORMAT)
+            rows.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
         provenance = {
             "made_by": f"calfsocket fit, {chosen.title}",
             "data": [test.path.name for test in tests],

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import OK
-from calfsocket.commands.first_rank import on_first_rank
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -42,7 +42,7 @@ def write(path: Path) -> None:
     InputError
         When it cannot be written.
     """
-    from calfsocket.studyfile.reading import example
+    from calfsocket.study.reading import example
 
     if path.suffix != ".toml":
         raise InputError(f"new: {path}; give a name that ends in .toml")

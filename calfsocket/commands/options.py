@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from calfsocket.tissues import MaterialSet
+    from calfsocket.materials.tissues import MaterialSet
 
 
 class Options(Protocol):
@@ -78,7 +78,7 @@ def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"])
         For an unknown mesh size, or a material file that cannot be used in these material sets.
     """
     from calfsocket.contact.nitsche import ContactParameters
-    from calfsocket.material_file import read_materials
+    from calfsocket.materials.file import read_materials
     from calfsocket.meshes.sizing import mesh_size
 
     return {

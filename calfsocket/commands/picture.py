@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import OK
-from calfsocket.commands.first_rank import on_first_rank
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -23,8 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Draw, and print where."""
-    from calfsocket import picture
-    from calfsocket.writers import FIELDS_FILE
+    from calfsocket.plotting import case as picture
+    from calfsocket.postprocess.vtu import FIELDS_FILE
 
     if not (arguments.folder / FIELDS_FILE).is_file():
         raise InputError(

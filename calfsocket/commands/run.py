@@ -4,15 +4,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands.first_rank import on_first_rank
 from calfsocket.commands.solving import add_running, check_ranks, solve
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mpi4py import MPI
 
-    from calfsocket.study import Study
+    from calfsocket.study.study import Study
 
 HELP = "solve the study of a file"
 DESCRIPTION = """\
@@ -39,9 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Solve it."""
-    from calfsocket.ledger import RUN_FILE
-    from calfsocket.studyfile.build import to_study
-    from calfsocket.studyfile.reading import read_study
+    from calfsocket.study.build import to_study
+    from calfsocket.study.reading import read_study
+    from calfsocket.study.record import RUN_FILE
 
     check_ranks(comm, arguments.ranks_per_case)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import OK
-from calfsocket.commands.first_rank import on_first_rank
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -33,8 +33,8 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
 
 def _draw(file: Path, out: Path | None) -> None:
-    from calfsocket.studyfile.picture import draw
-    from calfsocket.studyfile.reading import read_study
+    from calfsocket.study.preview import draw
+    from calfsocket.study.reading import read_study
 
     path = out or Path(file.with_suffix(".png").name)
     if path.suffix != ".png":

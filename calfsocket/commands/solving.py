@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import CASE_FAILED, OK
-from calfsocket.commands.first_rank import on_first_rank
 from calfsocket.commands.options import Options
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
     from rich.console import Console
 
-    from calfsocket.study import Study
+    from calfsocket.study.study import Study
 
 log = logging.getLogger("calfsocket")
 
@@ -80,10 +80,10 @@ def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse
     """
     from rich.console import Console
 
-    from calfsocket import profile
     from calfsocket.report.writing import write_report
-    from calfsocket.running import attempt
-    from calfsocket.study import check_folder, run_study
+    from calfsocket.simulation import profile
+    from calfsocket.study.runner import attempt
+    from calfsocket.study.study import check_folder, run_study
 
     if arguments.resume and arguments.overwrite:
         raise InputError("--resume, --overwrite: keep the results or replace them; give one")

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calfsocket.commands import options
-from calfsocket.commands.first_rank import on_first_rank
 from calfsocket.commands.solving import add_running, check_ranks, solve
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from calfsocket.study import Study
+    from calfsocket.study.study import Study
 
 DESCRIPTION = """\
 What does a prosthetic socket do inside a leg?
@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Solve the study of the paper as the options change it, and its variants where wanted."""
-    from calfsocket import variants
+    from calfsocket.study import variants
 
     check_ranks(comm, arguments.ranks_per_case)
     study = on_first_rank(comm, lambda: _study(arguments))
@@ -91,9 +91,9 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
 def _study(arguments: argparse.Namespace) -> "Study":
     """Return what was asked for."""
-    from calfsocket.study import MATERIAL_SETS, select
-    from calfsocket.studyfile.build import to_study
-    from calfsocket.studyfile.reading import paper_study
+    from calfsocket.study.build import to_study
+    from calfsocket.study.reading import paper_study
+    from calfsocket.study.study import MATERIAL_SETS, select
 
     paper = paper_study()
     sockets = select(arguments.sockets.split(","), list(paper.reference.sockets), "--sockets")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import CASE_FAILED, OK
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Solve and write the page."""
-    from calfsocket import compilation
+    from calfsocket.simulation import precompile as compilation
     from calfsocket.verification.limb import coarsest_first
     from calfsocket.verification.page import SUBJECTS, chosen_subjects, write_page
 

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Compile."""
-    from calfsocket import compilation
+    from calfsocket.simulation import precompile as compilation
 
     compilation.warm(comm)
     return OK

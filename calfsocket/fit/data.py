@@ -23,11 +23,11 @@ from typing import Literal, TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.errors import InputError
 from calfsocket.fit.modes import MODES, Array, Mode
 from calfsocket.fit.stability import SCANNED
-from calfsocket.meshes.schema import nearest, read_text
-from calfsocket.units import STRESS
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import nearest, read_text
+from calfsocket.io.units import STRESS
 
 Choice = TypeVar("Choice", bound=str)
 Measure = Literal["engineering", "cauchy"]

@@ -10,9 +10,9 @@ from itertools import combinations
 
 import numpy as np
 
-from calfsocket.errors import InputError
 from calfsocket.fit.modes import Array, Mode, ogden_columns, ogden_slopes, yeoh_columns
-from calfsocket.laws import Law, Ogden, Yeoh, d1_from_poisson, neo_hookean
+from calfsocket.io.errors import InputError
+from calfsocket.materials.laws import Law, Ogden, Yeoh, d1_from_poisson, neo_hookean
 
 ALPHA_MAX = 100.0
 """Largest |alpha|: there the study's forms are right to 1e-9 up to l1/l2 = 2 (`forms.accuracy`)."""

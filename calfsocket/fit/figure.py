@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from calfsocket.fit.data import Test
 from calfsocket.fit.regression import LEVEL, Fit
 from calfsocket.fit.tables import parameter_lines, stress_unit
-from calfsocket.writers import replacing
+from calfsocket.io.files import replacing
 
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:red", "tab:brown")
 

@@ -15,8 +15,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calfsocket.closed_forms import closed_kirchhoff
-from calfsocket.laws import Law, Ogden, Yeoh
+from calfsocket.materials.closed_forms import closed_kirchhoff
+from calfsocket.materials.laws import Law, Ogden, Yeoh
 
 Mode = Literal["uniaxial", "equibiaxial", "planar"]
 MODES: tuple[Mode, ...] = get_args(Mode)

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
-from calfsocket.errors import InputError
 from calfsocket.fit.data import Test
 from calfsocket.fit.families import ALPHA_MAX, Family
 from calfsocket.fit.modes import Array, Mode
+from calfsocket.io.errors import InputError
 
 TOLERANCE = 1e-10
 """Relative change of residual and parameters at which a search has converged."""

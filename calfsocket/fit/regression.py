@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from calfsocket.errors import InputError
 from calfsocket.fit.data import Test
 from calfsocket.fit.families import ALPHA_MAX, Family
 from calfsocket.fit.modes import Array, Mode
 from calfsocket.fit.problem import Problem
-from calfsocket.laws import Law
+from calfsocket.io.errors import InputError
+from calfsocket.materials.laws import Law
 
 LEVEL = 0.95
 """Confidence of intervals, and of the statement that another minimum fits as well."""

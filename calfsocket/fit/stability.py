@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from calfsocket.closed_forms import closed_kirchhoff
 from calfsocket.fit.modes import MODES, Array, Mode, log_stretches
-from calfsocket.laws import Law
+from calfsocket.materials.closed_forms import closed_kirchhoff
+from calfsocket.materials.laws import Law
 
 SCANNED = (0.25, 4.0)
 """Stretches between which stability is checked."""

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from calfsocket.fit.modes import Mode, engineering_stress
-from calfsocket.laws import Law
-from calfsocket.tissues import FASCIA, KPA, MUSCLE
-from calfsocket.writers import replacing
+from calfsocket.io.files import replacing
+from calfsocket.materials.laws import Law
+from calfsocket.materials.tissues import FASCIA, KPA, MUSCLE
 
 POINTS = 26
 

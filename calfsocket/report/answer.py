@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from calfsocket.outcomes import SUMMARY_TISSUES
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import comparison, names, published
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import Thresholds, damage

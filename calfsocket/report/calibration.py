@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator
 
-from calfsocket.errors import InputError
-from calfsocket.meshes.schema import read_json
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import read_json
 from calfsocket.report.drawn import Drawn, Heading
 from calfsocket.report.table import Table, number
 

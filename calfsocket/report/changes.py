@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from calfsocket.outcomes import (
+from calfsocket.postprocess.quantities import (
     SUMMARY_TISSUES,
     UNITS,
     Maximum,
@@ -26,7 +26,7 @@ from calfsocket.outcomes import (
     level_at,
     running_mean,
 )
-from calfsocket.outcomes import maximum as tissue_maximum
+from calfsocket.postprocess.quantities import maximum as tissue_maximum
 from calfsocket.report.results import Results, SolvedCase
 
 COLUMNS = (

@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.meshes.quality import determinant, jacobians
-from calfsocket.outcomes import (
+from calfsocket.postprocess.fields import GAUSS_POINTS, TISSUES, SectionFields
+from calfsocket.postprocess.quantities import (
     EXTRAPOLATION,
     CellOutcomes,
     absolute_maximum_principal,
@@ -24,7 +25,6 @@ from calfsocket.outcomes import (
     node_average,
 )
 from calfsocket.report.results import Results, SolvedCase
-from calfsocket.section_fields import GAUSS_POINTS, TISSUES, SectionFields
 
 
 @dataclass(frozen=True)

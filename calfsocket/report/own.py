@@ -4,11 +4,11 @@ from typing import Any
 
 import pandas as pd
 
-from calfsocket.outcomes import UNITS
+from calfsocket.postprocess.quantities import UNITS
 from calfsocket.report import names
 from calfsocket.report.results import Results, is_of_paper
 from calfsocket.report.table import Table, number, spread
-from calfsocket.sweep_table import SWEEP_FILE
+from calfsocket.study.sweep_table import SWEEP_FILE
 
 _CONTACT = ("contact_pressure_max", "contact_pressure_mean", "contact_share")
 _PARAMETERS = {"mu": "MPa", "alpha": "", "d1": "1/MPa", "c10": "MPa", "c20": "MPa", "c30": "MPa",

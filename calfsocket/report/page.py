@@ -12,8 +12,9 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 import calfsocket
-from calfsocket import drawing, writers
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.files import replacing
+from calfsocket.plotting import section as drawing
 from calfsocket.report import method
 from calfsocket.report.answer import Line
 from calfsocket.report.calibration import HEADING, NoCalibration
@@ -158,7 +159,7 @@ def write_page(
         method=[Markup(table.html()) for table in method.tables(results)],
     )
     path = results.folder / PAGE_FILE
-    with writers.replacing(path) as temporary:
+    with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 

@@ -11,13 +11,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calfsocket.contact_line import ContactLine
-from calfsocket.errors import InputError
-from calfsocket.outcomes import CellOutcomes, Neighbours, cell_outcomes, neighbours
+from calfsocket.io.errors import InputError
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.fields import TISSUES, SectionFields
+from calfsocket.postprocess.quantities import CellOutcomes, Neighbours, cell_outcomes, neighbours
+from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields
 from calfsocket.report.calibration import Calibration, read_calibration
 from calfsocket.report.names import SOCKETS
-from calfsocket.section_fields import TISSUES, SectionFields
-from calfsocket.writers import FIELDS_FILE, read_fields
 
 RUN_FILE = "run.json"
 SUMMARY_FILE = "summary.csv"

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from calfsocket import writers
+from calfsocket.io.files import replacing
+from calfsocket.io.tables import FLOAT_FORMAT
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ class Table:
 
     def write(self, folder: Path) -> None:
         """Write NAME.csv, NAME.md and NAME.html."""
-        with writers.replacing(folder / f"{self.name}.csv") as path:
-            self.data.to_csv(path, index=False, float_format=writers.FLOAT_FORMAT)
+        with replacing(folder / f"{self.name}.csv") as path:
+            self.data.to_csv(path, index=False, float_format=FLOAT_FORMAT)
         for ending, text in (("md", self.markdown()), ("html", self.html())):
-            with writers.replacing(folder / f"{self.name}.{ending}") as path:
+            with replacing(folder / f"{self.name}.{ending}") as path:
                 path.write_text(text, encoding="utf-8")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.report import names
 from calfsocket.report.damage import Thresholds
 from calfsocket.report.results import RUN_FILE, VARIANTS_FOLDER, Results, read_results

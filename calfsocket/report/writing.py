@@ -3,7 +3,7 @@
 import logging
 from pathlib import Path
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.report import calibration, scoreboard, tables, variants
 from calfsocket.report.answer import answer
 from calfsocket.report.damage import Thresholds

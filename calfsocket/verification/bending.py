@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from calfsocket.forms.element import section_element
-from calfsocket.laws import Law
-from calfsocket.tissues import FASCIA, MUSCLE
+from calfsocket.materials.laws import Law
+from calfsocket.materials.tissues import FASCIA, MUSCLE
 from calfsocket.verification.body import Body, at_points
 from calfsocket.verification.report import Check, Figure
 from calfsocket.verification.strips import BOTTOM, LEFT, RIGHT, TOP, strip_mesh

@@ -12,13 +12,13 @@ from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from calfsocket.errors import SolveError
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
-from calfsocket.laws import Law, law_fields, law_tags
+from calfsocket.io.errors import SolveError
+from calfsocket.materials.laws import Law, law_fields, law_tags
+from calfsocket.mechanics.kernels.library import JIT_OPTIONS
+from calfsocket.mechanics.newton import Solver
 from calfsocket.meshes.distributed import SectionMesh
-from calfsocket.native import JIT_OPTIONS
-from calfsocket.solver import Solver
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]

@@ -37,10 +37,10 @@ from numpy.typing import NDArray
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.projection import shape_functions
 from calfsocket.forms import mixed
+from calfsocket.mechanics.kernels.library import JIT_OPTIONS
+from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes import tags
-from calfsocket.model import Model
-from calfsocket.native import JIT_OPTIONS
-from calfsocket.stepping import LoadStep
 
 FloatArray = NDArray[np.float64]
 

@@ -24,11 +24,11 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.gather import KILOPASCAL, section_fields
+from calfsocket.materials.tissues import MaterialSet, material_set
+from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
-from calfsocket.stepping import LoadStep, StepControl, Stepper
-from calfsocket.tissues import MaterialSet, material_set
+from calfsocket.postprocess.extract import KILOPASCAL, section_fields
 from calfsocket.verification.radial import (
     LIMB,
     SOCKET,

@@ -22,8 +22,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.driven import Drive, DrivenModel
-from calfsocket.laws import Hencky
+from calfsocket.materials.laws import Hencky
+from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.report import Check, Figure, Section

@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STICK
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.driven import Drive, DrivenModel
-from calfsocket.laws import Hencky
+from calfsocket.materials.laws import Hencky
+from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
 from calfsocket.meshes import tags
 from calfsocket.meshes.blocks import LIMB, DiscInCavity
 from calfsocket.verification.report import Check, Figure, Section

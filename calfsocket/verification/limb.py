@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from calfsocket import writers
-from calfsocket.case import Settings
-from calfsocket.errors import InputError, SolveError
+from calfsocket.io.errors import InputError, SolveError
 from calfsocket.meshes.data import load_sockets
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
 from calfsocket.meshes.sizing import named_size
-from calfsocket.study import all_cases
+from calfsocket.postprocess.vtu import read_fields
+from calfsocket.simulation.case import Settings
+from calfsocket.study.study import all_cases
 from calfsocket.verification import limb_convergence as convergence
 from calfsocket.verification.limb_path import (
     LimbPath,
@@ -84,8 +84,7 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
     paths, failed = limb_paths(sizes[0])
     references = {path.case.name: path for path in paths if path.as_the_study(STEPS[0])}
     fields = {
-        path.name: writers.read_fields(path)
-        for path in (folders[sizes[-1]] / name for name in references)
+        path.name: read_fields(path) for path in (folders[sizes[-1]] / name for name in references)
     }
     text = [
         __doc__ or "",
@@ -290,7 +289,7 @@ def _fascia_quantiles(folders: Mapping[str, Path]) -> pd.DataFrame:
     rows = []
     for socket in load_sockets().sockets:
         for size, folder in folders.items():
-            fields = writers.read_fields(folder / f"{socket}_separate")
+            fields = read_fields(folder / f"{socket}_separate")
             stress = convergence.stress_quantiles(fields, "fascia")
             rows.append({"socket": socket, "mesh": size, **stress})
     return pd.DataFrame(rows)

@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from calfsocket.outcomes import effective_stress
-from calfsocket.section_fields import TISSUES, SectionFields
+from calfsocket.postprocess.fields import TISSUES, SectionFields
+from calfsocket.postprocess.quantities import effective_stress
 from calfsocket.verification.report import Figure
 
 KEY = ["socket", "material_set", "tissue", "outcome"]

@@ -39,7 +39,18 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calfsocket.case import (
+from calfsocket.contact.friction import OPEN, SLIP
+from calfsocket.contact.nitsche import ContactParameters, ContactState
+from calfsocket.mechanics.problem import Model, SocketSupport
+from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
+from calfsocket.meshes import tags
+from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.sizing import mesh_size
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
+from calfsocket.postprocess.quantities import running_mean, summary_rows
+from calfsocket.simulation.case import (
     FORCE_TOLERANCE,
     GAP_TOLERANCE,
     Case,
@@ -47,17 +58,6 @@ from calfsocket.case import (
     case_laws,
     region_tissues,
 )
-from calfsocket.contact.friction import OPEN, SLIP
-from calfsocket.contact.nitsche import ContactParameters, ContactState
-from calfsocket.contact_line import ContactLine
-from calfsocket.gather import KILOPASCAL, contact_line, section_fields
-from calfsocket.meshes import tags
-from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.meshes.section import section_mesh
-from calfsocket.meshes.sizing import mesh_size
-from calfsocket.model import Model, SocketSupport
-from calfsocket.outcomes import running_mean, summary_rows
-from calfsocket.stepping import LoadStep, StepControl, Stepper
 from calfsocket.verification.release_paths import DampedModel, ShrinkingModel
 from calfsocket.verification.report import Check, Figure, Section
 

@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.case import Case, Run, Settings, region_tissues
-from calfsocket.errors import SolveError
-from calfsocket.gather import contact_line, section_fields
+from calfsocket.io.errors import SolveError
+from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.outcomes import summary_rows
-from calfsocket.stepping import LoadStep
+from calfsocket.postprocess.extract import contact_line, section_fields
+from calfsocket.postprocess.quantities import summary_rows
+from calfsocket.simulation.case import Case, Run, Settings, region_tissues
 from calfsocket.verification.energy import EnergyBalance, EnergyMeter
 from calfsocket.verification.newton import (
     LAST_ITERATIONS,

@@ -8,11 +8,11 @@ from typing import Any
 import pandas as pd
 from mpi4py import MPI
 
-from calfsocket.case import Case, Settings
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
 from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.study import RUN_FILE, Study, check_folder, run_study
-from calfsocket.tissues import MATERIAL_SETS, MaterialSet
+from calfsocket.simulation.case import Case, Settings
+from calfsocket.study.study import RUN_FILE, Study, check_folder, run_study
 
 
 def solved_study(

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from calfsocket.case import Settings
-from calfsocket.tissues import MATERIAL_SETS, MaterialSet
+from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
+from calfsocket.simulation.case import Settings
 from calfsocket.verification.limb_runs import solved_study, summary
 
 VARIANTS: dict[str, tuple[dict[str, str], tuple[MaterialSet, ...]]] = {

@@ -16,10 +16,10 @@ from dolfinx import fem
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from calfsocket.closed_forms import closed_kirchhoff
-from calfsocket.laws import Law
+from calfsocket.materials.closed_forms import closed_kirchhoff
+from calfsocket.materials.laws import Law
+from calfsocket.materials.tissues import FASCIA, SKIN
 from calfsocket.meshes.distributed import SectionMesh
-from calfsocket.tissues import FASCIA, SKIN
 from calfsocket.verification.body import Body, at_points
 from calfsocket.verification.report import Check, Figure
 from calfsocket.verification.strips import INNER, LEFT, OUTER, quarter_ring

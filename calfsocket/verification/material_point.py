@@ -24,11 +24,10 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from calfsocket.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
 from calfsocket.forms import measures, mixed
-from calfsocket.gather import KILOPASCAL
-from calfsocket.laws import Hencky, Law, Ogden, Yeoh
-from calfsocket.tissues import (
+from calfsocket.materials.closed_forms import closed_cauchy, closed_energy, closed_kirchhoff
+from calfsocket.materials.laws import Hencky, Law, Ogden, Yeoh
+from calfsocket.materials.tissues import (
     BONE,
     FASCIA,
     FAT,
@@ -38,6 +37,7 @@ from calfsocket.tissues import (
     SOCKET,
     VESSEL,
 )
+from calfsocket.postprocess.extract import KILOPASCAL
 from calfsocket.verification.report import Check, Figure, Section, Table
 
 FloatArray = NDArray[np.float64]

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact.friction import STATUS_NAMES
-from calfsocket.model import Model
-from calfsocket.petsc_options import DEFAULT_OPTIONS
-from calfsocket.solver import Problem, Solver
+from calfsocket.io.petsc_options import DEFAULT_OPTIONS
+from calfsocket.mechanics.newton import Problem, Solver
+from calfsocket.mechanics.problem import Model
 from calfsocket.verification.report import Check
 
 FloatArray = NDArray[np.float64]

@@ -16,8 +16,9 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import calfsocket
-from calfsocket import writers
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
+from calfsocket.io.files import replacing
+from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.verification.newton import newton_checks, recording
 from calfsocket.verification.report import Check, Figure, Section, Table
 
@@ -156,7 +157,7 @@ def write_page(
         earlier = Part.all_of(page.read_text(encoding="utf-8")) if page.is_file() else {}
         parts = earlier | {subject: part}
         shown = [parts[name] for name in SUBJECTS if name in parts]
-        with writers.replacing(page) as temporary:
+        with replacing(page) as temporary:
             text = "\n".join([HEAD, _summary(shown), *map(str, shown)])
             temporary.write_text(text, encoding="utf-8")
     return passed
@@ -185,8 +186,8 @@ def _anchor(title: str) -> str:
 
 def _body(section: Section, checks: Sequence[Check], folder: Path) -> str:
     for name, frame in section.files.items():
-        with writers.replacing(folder / name) as temporary:
-            frame.to_csv(temporary, index=False, float_format=writers.FLOAT_FORMAT)
+        with replacing(folder / name) as temporary:
+            frame.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
     files = [f"In full: [{name}]({FOLDER}/{name})." for name in section.files]
     rows = "\n".join(_row(check) for check in checks)
     table = f"| measured | value | bar | | exact value from |\n|---|--:|--:|---|---|\n{rows}"
@@ -246,7 +247,7 @@ def _figure(figure: Figure, folder: Path) -> str:
     if legend := axes.get_legend():  # beside the axes, where it covers no curve
         legend.set_loc("center left")
         legend.set_bbox_to_anchor((1.0, 0.5))
-    with writers.replacing(path) as temporary:
+    with replacing(path) as temporary:
         drawing.savefig(temporary, dpi=150)
     plt.close(drawing)
     return f"![{figure.caption}]({FOLDER}/{path.name})\n\n*{figure.caption}*"

@@ -14,8 +14,8 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 
-from calfsocket.laws import Law, Ogden
-from calfsocket.tissues import FASCIA, MUSCLE, material_set
+from calfsocket.materials.laws import Law, Ogden
+from calfsocket.materials.tissues import FASCIA, MUSCLE, material_set
 from calfsocket.verification.body import Body, at_points
 from calfsocket.verification.radial import RingLaw
 from calfsocket.verification.report import Check

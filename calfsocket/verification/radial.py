@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
 
-from calfsocket.closed_forms import closed_energy, closed_kirchhoff
-from calfsocket.errors import CalfsocketError
-from calfsocket.laws import Law
+from calfsocket.io.errors import CalfsocketError
+from calfsocket.materials.closed_forms import closed_energy, closed_kirchhoff
+from calfsocket.materials.laws import Law
 
 FloatArray = NDArray[np.float64]
 Array = NDArray[Any]  # also long doubles and complex numbers

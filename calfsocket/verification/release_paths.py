@@ -21,8 +21,8 @@ from scipy.optimize import brentq
 
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.mechanics.problem import Model
 from calfsocket.meshes import tags
-from calfsocket.model import Model
 
 FloatArray = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigvalsh
 
-from calfsocket.closed_forms import closed_kirchhoff
-from calfsocket.laws import Law
+from calfsocket.materials.closed_forms import closed_kirchhoff
+from calfsocket.materials.laws import Law
 from calfsocket.verification.radial import RadialSolution, Ring, exact_ring
 
 FloatArray = NDArray[np.float64]

@@ -29,12 +29,12 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact.friction import OPEN, SLIP, STICK
-from calfsocket.driven import Drive, DrivenModel
-from calfsocket.laws import Hencky, Law
+from calfsocket.materials.laws import Hencky, Law
+from calfsocket.materials.tissues import FASCIA, MUSCLE, SKIN, VESSEL
+from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
+from calfsocket.mechanics.problem import Model
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.model import Model
-from calfsocket.tissues import FASCIA, MUSCLE, SKIN, VESSEL
 from calfsocket.verification.friction import TurnedRing
 from calfsocket.verification.newton import Probe, probe_at
 from calfsocket.verification.report import Check, Figure, Section, Table

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.errors import InputError
+from calfsocket.io.errors import InputError
 from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1, Calibration
 from calfsocket.report.claims.evidence import Evidence, NotChecked
 from calfsocket.report.claims.registry import Finding, claim

@@ -4,7 +4,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from calfsocket.outcomes import RUNNING_MEAN_MM
+from calfsocket.postprocess.quantities import RUNNING_MEAN_MM
 from calfsocket.report import names, published
 from calfsocket.report.changes import relative_change
 from calfsocket.report.claims.evidence import SOCKETS, Evidence, NotChecked

@@ -5,13 +5,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.report.claims.evidence import SOCKETS, Evidence, NotChecked
 from calfsocket.report.claims.registry import Finding, claim
 from calfsocket.report.claims.tolerances import ABOUT_COUNT, SAME, THREE_FIGURES, about
 from calfsocket.report.damage import gauss_areas
 from calfsocket.report.results import free_edges
 from calfsocket.report.table import number
-from calfsocket.section_fields import TISSUES, SectionFields
 
 PRINTED_AREA_LOSS = 0.05
 CLINICAL_AREA_LOSS = (0.03, 0.06)

@@ -6,21 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.outcomes import UNITS
+from calfsocket.postprocess.fields import TISSUES
+from calfsocket.postprocess.quantities import UNITS
 from calfsocket.report import names, published
 from calfsocket.report.changes import relative_change
-from calfsocket.report.claims.evidence import (
-    SOCKETS,
-    SOFT_TISSUES,
-    STRAINS,
-    STRESSES,
-    Evidence,
-)
+from calfsocket.report.claims.evidence import SOCKETS, SOFT_TISSUES, STRAINS, STRESSES, Evidence
 from calfsocket.report.claims.registry import Finding, claim
 from calfsocket.report.claims.tolerances import HALF_A_DIGIT, MOST, SAME
 from calfsocket.report.results import MATERIAL_SETS, free_edges, of_case
 from calfsocket.report.table import number
-from calfsocket.section_fields import TISSUES
 
 LOADS = ("load", "force", "weight", "moment", "gravity")
 FRICTION = 0.4

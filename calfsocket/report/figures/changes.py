@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator, NullLocator
 
-from calfsocket.outcomes import SUMMARY_TISSUES
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import comparison, names
 from calfsocket.report.figures.style import (
     OTHER_SOCKET,

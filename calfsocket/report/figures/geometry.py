@@ -11,7 +11,8 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from calfsocket import drawing
+from calfsocket.plotting import section as drawing
+from calfsocket.postprocess.fields import SectionFields
 from calfsocket.report.figures.panels import (
     LARGEST_PANEL_MM,
     abreast,
@@ -29,7 +30,6 @@ from calfsocket.report.figures.style import (
     socket_title,
 )
 from calfsocket.report.results import Results
-from calfsocket.section_fields import SectionFields
 
 LIMB = "#d9d9d9"
 BONE_DARK = "#8c8c8c"

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from calfsocket import drawing
-from calfsocket.outcomes import SUMMARY_TISSUES
+from calfsocket.plotting import section as drawing
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report.figures.panels import case_panels, window_around
 from calfsocket.report.figures.style import add_axes, legend_at
 from calfsocket.report.results import Results, of_case
-from calfsocket.section_fields import SectionFields
 
 PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
 MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}

@@ -7,15 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from calfsocket import drawing
+from calfsocket.plotting import section as drawing
 from calfsocket.report import names
-from calfsocket.report.figures.style import (
-    WIDTH_MM,
-    add_axes,
-    compass,
-    new_figure,
-    socket_title,
-)
+from calfsocket.report.figures.style import WIDTH_MM, add_axes, compass, new_figure, socket_title
 from calfsocket.report.results import Results
 
 TOP_MM, KEY_MM, LEFT_MM = 6.0, 21.0, 5.0

@@ -7,9 +7,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from calfsocket import drawing, pressure_band
-from calfsocket.outcomes import RUNNING_MEAN_MM, running_mean
-from calfsocket.pressure_band import PressureBand, outward_normals
+from calfsocket.plotting import pressure_band
+from calfsocket.plotting import section as drawing
+from calfsocket.plotting.pressure_band import PressureBand, outward_normals
+from calfsocket.postprocess.quantities import RUNNING_MEAN_MM, running_mean
 from calfsocket.report.figures.geometry import BONE_DARK, LIMB
 from calfsocket.report.figures.panels import case_panels, window_around
 from calfsocket.report.figures.style import legend_at

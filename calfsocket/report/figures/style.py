@@ -9,9 +9,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from calfsocket import drawing
-from calfsocket.drawing import SOCKET_NAMES
-from calfsocket.writers import replacing
+from calfsocket.io.files import replacing
+from calfsocket.plotting import section as drawing
+from calfsocket.plotting.section import SOCKET_NAMES
 
 WIDTH_MM = 180.0  # a page of A4 or letter without its margins
 PNG_DPI = 300

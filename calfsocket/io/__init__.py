@@ -1,0 +1,1 @@
+"""Errors, configuration, units and files."""

@@ -1,0 +1,1 @@
+"""Equilibrium of bodies in contact: problem, solver, load steps."""

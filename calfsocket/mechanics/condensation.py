@@ -1,0 +1,363 @@
+r"""The tangent with the unknowns inside each cell eliminated (static condensation).
+
+Bubbles and pressures couple to nothing outside their cell. With i for what is inside of cells and o
+for what is outside, Newton's equation K x = r becomes
+
+    (K_oo - K_oi K_ii^-1 K_io) x_o = r_o - K_oi K_ii^-1 r_i,      x_i = K_ii^-1 (r_i - K_io x_o):
+
+less than half of the unknowns for the direct solver, and an exact solution all the same. K_ii is
+5 x 5 in each cell. In a nearly incompressible cell it is close to singular, since the bubble
+does not change the cell's volume, and a constant pressure meets nothing but 1/K: there that
+constant stays outside. Contact takes the skin's traction from the whole skin cell, so that it has
+entries in K_oi, but none in K_io or K_ii.
+
+Unknowns outside have a numbering of their own, that of the index map `outside`; their held ones are
+left out. The loops over cells are in condensation.c.
+
+Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
+"""
+
+import numpy as np
+from dolfinx import cpp, fem, la
+from dolfinx.common import IndexMap
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.contact.interface import ContactInterface, ContactTangent
+from calfsocket.io.petsc_options import OPTIONS_PREFIX, defaults
+from calfsocket.mechanics.kernels.cells import CellLoops
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+INSIDE, OUTSIDE = 5, 13
+# Unknowns of a cell: displacements, x before y as the loops in C have them.
+_DISPLACEMENTS = [*range(0, 12, 2), *range(1, 12, 2)]
+_BUBBLE, _PRESSURE = slice(12, 14), slice(14, 17)
+# Unknowns of a cell that stay outside, with the constant pressure in the place of the first one,
+# and those inside.
+_KEPT = [*_DISPLACEMENTS, 14]
+_ELIMINATED = [12, 13, 15, 16, 14]
+
+TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
+
+
+class CondensedTangent:
+    """Tangent of a section with contact: PETSc's matrix, and its factorisation as preconditioner.
+
+    Parameters
+    ----------
+    V : fem.FunctionSpace
+        Mixed space of `forms.element.section_element`.
+    tissues : CellLoops
+        The tissues' tangents.
+    held : (n,) bool
+        Markers of held local unknowns, ghosts included.
+    keeps_constant : (m,) bool
+        Local cells, ghosts included, whose constant pressure stays outside.
+    contact : ContactInterface
+        The contact pair.
+
+    Attributes
+    ----------
+    matrix : PETSc.Mat
+        The condensed matrix over the unknowns outside.
+    inverse : (m, 5, 5)
+        K_ii^-1 of the owned cells; in the order bubble, pressure differences, constant pressure.
+    coupling : (m, 5, 13)
+        K_ii^-1 K_io.
+    ksp : PETSc.KSP
+        Solver of the condensed matrix.
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        tissues: CellLoops,
+        held: NDArray[np.bool_],
+        keeps_constant: NDArray[np.bool_],
+        contact: ContactInterface,
+    ) -> None:
+        self._comm = V.mesh.comm
+        self._contact = contact
+        self._tissues = tissues
+        self._library = tissues.library
+        cells = V.mesh.topology.index_map(2)
+        dofs = V.dofmap.list
+        p0, *others = dofs[:, _PRESSURE].T
+        self._inside = np.ascontiguousarray(
+            np.column_stack([dofs[:, _BUBBLE], *others, p0])[: cells.size_local]
+        )
+        self._V, self._held = V, held
+        self.ksp = PETSc.KSP().create(self._comm)
+        self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
+        with defaults():
+            self.ksp.setFromOptions()
+        self.inverse = np.zeros((cells.size_local, INSIDE, INSIDE))
+        self.coupling = np.zeros((cells.size_local, INSIDE, OUTSIDE))
+        self._set_up(keeps_constant)
+
+    def keep(self, keeps_constant: NDArray[np.bool_]) -> None:
+        """Choose anew whose constant pressure stays outside: laws may have changed (collective)."""
+        if self._comm.allreduce(not np.array_equal(keeps_constant, self._kept)):
+            self._set_up(keeps_constant)
+
+    def _set_up(self, keeps_constant: NDArray[np.bool_]) -> None:
+        self._kept = keeps_constant
+        self._keeps_constant = keeps_constant[: len(self._inside)].astype(np.uint8)
+        self._number_outside(self._V, self._held, keeps_constant)
+        self._lay_out()
+        self._assembled = False
+        self._b, self._x = self.matrix.createVecs()
+
+    # -- numbering and pattern ------------------------------------------------------------------
+
+    def _number_outside(
+        self,
+        V: fem.FunctionSpace,
+        held: NDArray[np.bool_],
+        keeps_constant: NDArray[np.bool_],
+    ) -> None:
+        index_map = V.dofmap.index_map
+        dofs = V.dofmap.list
+        is_outside = np.zeros(len(held), dtype=bool)
+        is_outside[dofs[:, _DISPLACEMENTS]] = True
+        is_outside[held] = False
+        is_outside[dofs[keeps_constant, _PRESSURE][:, 0]] = True
+        self._dofs = np.flatnonzero(is_outside[: index_map.size_local])
+        first = self._comm.exscan(len(self._dofs)) or 0
+        numbers = la.vector(index_map, dtype=np.int64)
+        numbers.array[:] = -1
+        numbers.array[self._dofs] = first + np.arange(len(self._dofs))
+        numbers.scatter_forward()
+        owner = np.full(len(held), self._comm.rank)
+        owner[index_map.size_local :] = index_map.owners
+        # The socket's face is a neighbour of all skin, wherever it is owned.
+        face = self._contact.socket.dofs
+        socket = self._contact.along_socket(numbers.array[face])
+        ghosts = np.concatenate([numbers.array[index_map.size_local :], socket.ravel()])
+        owners = np.concatenate(
+            [owner[index_map.size_local :], self._contact.along_socket(owner[face]).ravel()]
+        )
+        elsewhere = (ghosts >= 0) & (owners != self._comm.rank)
+        ghosts, once = np.unique(ghosts[elsewhere], return_index=True)
+        self.outside = IndexMap(
+            self._comm, len(self._dofs), ghosts, owners[elsewhere][once].astype(np.int32)
+        )
+        self._vector = la.vector(self.outside)
+        n_cells = len(self._inside)
+        constant = np.where(keeps_constant[:n_cells], dofs[:n_cells, _PRESSURE][:, 0], -1)
+        of_cells = np.column_stack([dofs[:n_cells, _DISPLACEMENTS], constant])
+        self._numbers = self._local(np.where(of_cells < 0, -1, numbers.array[of_cells]))
+        skin = self._contact.skin.entities[:, 0]
+        n_points = self._contact.parameters.gauss_points
+        self._skin_cells = np.repeat(skin, n_points)
+        on_skin = self._local(numbers.array[self._contact.skin.dofs]).reshape(-1, 6)
+        self._skin_numbers = np.repeat(on_skin, n_points, axis=0)
+        self._socket_numbers = self._local(socket)
+
+    def _local(self, numbers: NDArray[np.int64]) -> IntArray:
+        """Local numbers outside of global ones; -1 remains."""
+        there = numbers >= 0
+        local = np.full(numbers.shape, -1, dtype=np.int32)
+        local[there] = self.outside.global_to_local(numbers[there])
+        return local
+
+    def _lay_out(self) -> None:
+        """Lay the pattern out for the cells and for the contact that lies ahead (collective)."""
+        pattern = cpp.la.SparsityPattern(self._comm, [self.outside, self.outside], [1, 1])
+        for numbers in self._numbers:
+            there = numbers[numbers >= 0]
+            pattern.insert(there, there)
+        ahead = self._contact.edges_ahead()
+        for numbers in self._socket_numbers[np.unique(ahead)]:  # that another rank may own
+            there = numbers[numbers >= 0]
+            pattern.insert(there, there)
+        n_points = self._contact.parameters.gauss_points
+        for cell, edges in zip(self._skin_cells[::n_points], ahead, strict=True):
+            skin = self._numbers[cell]
+            socket = np.unique(self._socket_numbers[edges])
+            skin, socket = skin[skin >= 0], socket[socket >= 0]
+            pattern.insert(skin, socket)
+            pattern.insert(socket, skin)
+        pattern.finalize()
+        self.ksp.reset()
+        self._csr = la.matrix_csr(pattern)
+        self._values = np.asarray(self._csr.data, dtype=np.float64)
+        self._starts = np.asarray(self._csr.indptr, dtype=np.int64)
+        self._columns = np.asarray(self._csr.indices, dtype=np.int32)
+        self._positions = self._locate(self._numbers, self._numbers)
+        self._contact_edge: NDArray[np.int64] | None = None
+        rows = self.outside.size_local
+        end = self._starts[rows]
+        starts = self._starts[: rows + 1].astype(PETSc.IntType)
+        if self._comm.size == 1:
+            # PETSc looks at the values where they are.
+            self.matrix = PETSc.Mat().createAIJWithArrays(
+                (rows, rows), (starts, self._columns, self._values), comm=self._comm
+            )
+            return
+        columns = pattern.column_index_map().local_to_global(self._columns[:end])
+        self._owned = starts, columns.astype(PETSc.IntType), end
+        size = (rows, self.outside.size_global)
+        self.matrix = PETSc.Mat().createAIJ((size, size), comm=self._comm)
+        self.matrix.setPreallocationCSR((starts, self._owned[1], self._values[:end]))
+
+    # -- assembly -------------------------------------------------------------------------------
+
+    def assemble(self, contact: ContactTangent) -> None:
+        """Tissues at their present unknowns, and contact (collective)."""
+        self._values[:] = 0.0
+        self._add_tissues()
+        # T by what is inside and outside of the skin's cell; the constant pressure has its part in
+        # all three at the vertices.
+        inside = contact.d_traction[:, :, _ELIMINATED]
+        inside[:, :, -1] += inside[:, :, 2] + inside[:, :, 3]
+        outside = contact.d_traction[:, :, _KEPT]
+        outside[:, :, -1] = inside[:, :, -1]
+        outside -= inside @ self.coupling[self._skin_cells]
+        blocks = np.concatenate([contact.by_motion, contact.by_traction @ outside], axis=2)
+        if self._comm.allreduce(self._add_contact(contact.edge, blocks)):
+            # The limb slid farther than was thought of.
+            self._lay_out()
+            self._add_tissues()
+            self._add_contact(contact.edge, blocks)
+        self._by_traction, self._d_traction_inside = contact.by_traction, inside
+        if self._comm.size > 1:
+            self._csr.scatter_reverse()
+            starts, columns, end = self._owned
+            self.matrix.setValuesCSR(starts, columns, self._values[:end])
+        self.matrix.assemble()
+        self._assembled = True
+
+    def _add_tissues(self) -> None:
+        with TISSUE_TANGENT:
+            self._tissues.add_tangents(
+                self._keeps_constant,
+                self._positions,
+                self.inverse,
+                self.coupling,
+                self._values,
+            )
+
+    def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
+        """Add contact to the matrix; return how many entries its pattern lacks."""
+        if self._contact_edge is None or not np.array_equal(edge, self._contact_edge):
+            self._contact_edge = edge
+            self._contact_rows = np.concatenate(
+                [self._skin_numbers, self._socket_numbers[edge]], axis=1
+            )
+            columns = np.concatenate([self._contact_rows, self._numbers[self._skin_cells]], axis=1)
+            self._contact_positions = self._locate(self._contact_rows, columns)
+        return int(
+            self._library.call("add_at", blocks.size, self._contact_positions, blocks, self._values)
+        )
+
+    def _locate(self, rows: IntArray, columns: IntArray) -> IntArray:
+        """Places of blocks among the matrix's values, or why there is none; (n, k, m)."""
+        (n, k), m = rows.shape, columns.shape[1]
+        positions = np.empty((n, k, m), dtype=np.int32)
+        self._library.call("locate", n, k, rows, m, columns, self._starts, self._columns, positions)
+        return positions
+
+    def negative_inside(self) -> int:
+        """Count the negative eigenvalues of K_ii, of all cells (collective)."""
+        mine = int(np.count_nonzero(np.linalg.eigvalsh(self._invertible()) < 0.0))
+        return int(self._comm.allreduce(mine))
+
+    # -- PETSc's matrix -------------------------------------------------------------------------
+
+    def mult(self, _matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Tangent times x (collective).
+
+        With S the condensed matrix and z = x_i + K_ii^-1 K_io x_o in each cell,
+
+            y_o = S x_o + K_oi z,      y_i = K_ii z.
+        """
+        n_owned = len(self._dofs)
+        v, values = x.array_r, self._vector.array
+        self._b.array[:] = v[self._dofs]
+        self.matrix.mult(self._b, self._x)
+        values[:n_owned] = v[self._dofs]
+        self._vector.scatter_forward()
+        there = self._numbers >= 0
+        z = v[self._inside]
+        z[:, 2:4] -= z[:, 4:]  # pressure differences
+        z[there[:, -1], 4] = 0.0  # a constant pressure that is outside
+        z += np.einsum("cio,co->ci", self.coupling, np.where(there, values[self._numbers], 0.0))
+        inside = np.linalg.solve(self._invertible(), z[:, :, None])[:, :, 0]
+        outside = np.einsum("cio,ci->co", self.coupling, inside)
+        values[:] = 0.0
+        values[:n_owned] = self._x.array_r
+        np.add.at(values, self._numbers[there], outside[there])
+        self._add_contact_inside(1.0, z[self._skin_cells], values)
+        self._vector.scatter_reverse(la.InsertMode.add)
+        x.copy(y)  # for the held unknowns
+        y.array[self._dofs] = values[:n_owned]
+        inside[there[:, -1], 4] = values[self._numbers[there[:, -1], -1]]
+        inside[:, 4] -= inside[:, 2] + inside[:, 3]
+        y.array[self._inside] = inside
+
+    def _invertible(self) -> FloatArray:
+        """K_ii^-1 with 1 in the place of a constant pressure that is outside."""
+        blocks = self.inverse.copy()
+        blocks[self._keeps_constant.astype(bool), -1, -1] = 1.0
+        return blocks
+
+    # -- PETSc's preconditioner -----------------------------------------------------------------
+
+    def setUp(self, _pc: PETSc.PC) -> None:
+        """Factorise the condensed matrix (collective)."""
+        if not self._assembled:  # PETSc sets up before it asks for the first tangent
+            return
+        self.ksp.setOperators(self.matrix)
+        with defaults():  # MUMPS asks for its options when it first sees the matrix
+            self.ksp.setUp()
+
+    def apply(self, _pc: PETSc.PC, residual: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Solve with the factorised tangent; held unknowns are those of the residual."""
+        r, values = residual.array_r, self._vector.array
+        values[:] = 0.0
+        values[: len(self._dofs)] = r[self._dofs]
+        self._library.call(
+            "forward",
+            len(self._inside),
+            r,
+            self._inside,
+            self._numbers,
+            self.coupling,
+            values,
+        )
+        self._add_contact_inside(-1.0, self._alone(r), values)
+        self._vector.scatter_reverse(la.InsertMode.add)
+        self._b.array[:] = values[: len(self._dofs)]
+        self.ksp.solve(self._b, self._x)
+        values[: len(self._dofs)] = self._x.array_r
+        self._vector.scatter_forward()
+        residual.copy(solution)
+        x = solution.array
+        x[self._dofs] = values[: len(self._dofs)]
+        self._library.call(
+            "backward",
+            len(self._inside),
+            r,
+            self._inside,
+            self._numbers,
+            self.inverse,
+            self.coupling,
+            values,
+            x,
+        )
+
+    def _alone(self, r: FloatArray) -> FloatArray:
+        """K_ii^-1 r_i in the cell of each skin point; (n, 5)."""
+        inside = r[self._inside[self._skin_cells]]
+        inside[:, 4] += inside[:, 2] + inside[:, 3]  # what a constant pressure meets
+        return np.einsum("nij,nj->ni", self.inverse[self._skin_cells], inside)
+
+    def _add_contact_inside(self, factor: float, inside: FloatArray, values: FloatArray) -> None:
+        """Add factor K_oi x_i of contact alone."""
+        traction = np.einsum("nci,ni->nc", self._d_traction_inside, inside)
+        change = factor * np.einsum("noc,nc->no", self._by_traction, traction)
+        there = self._contact_rows >= 0
+        np.add.at(values, self._contact_rows[there], change[there])

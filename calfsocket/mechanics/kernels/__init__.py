@@ -1,0 +1,1 @@
+"""Loops over cells in C, generated and compiled."""

@@ -1,0 +1,145 @@
+"""What the loops over cells in C need of the element and of the laws, as plain arrays."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import basix
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
+from calfsocket.forms.mixed import LAW_IDS, LawFields
+from calfsocket.mechanics.kernels import library as native
+from calfsocket.mechanics.kernels.laws import parameter_list
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+# Quadrature points and shape functions of a displacement component, filled up to whole vectors.
+EIGHT = 8
+# Nodes of a cell with quadratic geometry.
+NODES = 6
+
+
+def quadrature() -> tuple[FloatArray, FloatArray]:
+    """Points (n, 2) and weights (n,) of the element's quadrature on the reference triangle."""
+    points, weights = basix.make_quadrature(basix.CellType.triangle, QUADRATURE_DEGREE)
+    return np.asarray(points), np.asarray(weights)
+
+
+def reference_element(V: fem.FunctionSpace) -> FloatArray:
+    """Lay out the reference element at the points of `quadrature` as cells.h has it.
+
+    Raises
+    ------
+    ValueError
+        If the mesh's geometry is not quadratic, for which those loops are made.
+    """
+    points, weights = quadrature()
+    displacement, pressure = section_element().sub_elements
+    scalar = displacement.sub_elements[0]
+    (node,) = set(V.mesh.ufl_domain().ufl_coordinate_element().sub_elements)
+    if node.dim != NODES:
+        raise ValueError(f"cells have {node.dim} nodes, not {NODES}")
+    table = scalar.tabulate(1, points)
+    shape, *gradient = np.pad(table, ((0, 0), (0, 0), (0, EIGHT - table.shape[2])))
+    vertices = pressure.tabulate(0, points)[0]
+
+    def by_points(values: FloatArray) -> FloatArray:
+        """Points come last, the last one in the place of those that are missing."""
+        filled = np.pad(values, [(0, EIGHT - len(values))] + [(0, 0)] * (values.ndim - 1), "edge")
+        return np.moveaxis(filled, 0, -1)
+
+    parts = [
+        np.pad(weights, (0, EIGHT - len(weights))),
+        by_points(np.stack(node.tabulate(1, points)[1:], axis=-1)),
+        by_points(np.stack(table[1:], axis=-1)),
+        by_points(np.column_stack([np.ones(len(points)), vertices[:, 1:]])),
+        shape,
+        np.stack(gradient, axis=1),
+    ]
+    return np.concatenate([part.ravel() for part in parts])
+
+
+class CellLoops:
+    """Residuals and tangents of the tissues, by the loops in C over this rank's cells.
+
+    Parameters
+    ----------
+    w : fem.Function
+        Displacement (mm) and scaled pressure in the space of `forms.element.section_element`.
+    fields : LawFields
+        Parameters of the laws, DG0 functions.
+    law_cells : mapping of law to (n,) int
+        Owned cells of each of `mixed.LAW_IDS`: each cell once.
+    bedding : (fem.Function, fem.Function), optional
+        Stiffness of a bedding in each cell (DG0, N/mm^3), and where it is at rest (in w's space).
+
+    Attributes
+    ----------
+    library : native.Library
+        The compiled functions, those for such laws.
+    """
+
+    def __init__(
+        self,
+        w: fem.Function,
+        fields: LawFields,
+        law_cells: Mapping[str, IntArray],
+        bedding: tuple[fem.Function, fem.Function] | None = None,
+    ) -> None:
+        V = w.function_space
+        self.library = native.library(V.mesh.comm, len(fields.ogden_mu))
+        self._laws = [
+            (number, np.ascontiguousarray(law_cells[law], dtype=np.int32))
+            for number, law in enumerate(LAW_IDS)
+        ]
+        self._w, self._bedding, self._parameters = w, bedding, parameter_list(fields)
+        self._element = reference_element(V)
+        self._addresses = np.array(
+            [
+                (f.x.array.ctypes.data, f.function_space.dofmap.list.ctypes.data)
+                for f in self._parameters
+            ],
+            dtype=np.int64,
+        )
+
+    def add_residuals(self, values: FloatArray) -> None:
+        """Add the part of the owned cells to all local unknowns, ghosts included; N/mm."""
+        self._run("add_residuals", values)
+
+    def add_tangents(
+        self,
+        keeps_constant: NDArray[np.uint8],
+        positions: IntArray,
+        inverse: FloatArray,
+        coupling: FloatArray,
+        values: FloatArray,
+    ) -> None:
+        """Add condensed tangents to a matrix's values; see `condensation.CondensedTangent`."""
+        self._run("add_tangents", keeps_constant, positions, inverse, coupling, values)
+
+    def _run(self, name: str, *arguments: NDArray[Any]) -> None:
+        V, bedding, anchor = self._w.function_space, None, None
+        if self._bedding:
+            stiffness, at_rest = self._bedding
+            bedding = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
+            anchor = at_rest.x.array
+        geometry = V.mesh.geometry
+        for law, cells in self._laws:
+            self.library.call(
+                name,
+                law,
+                len(cells),
+                cells,
+                self._element,
+                geometry.x,
+                geometry.dofmap,
+                self._w.x.array,
+                V.dofmap.list,
+                self._addresses,
+                bedding,
+                anchor,
+                *arguments,
+            )

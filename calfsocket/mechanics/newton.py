@@ -1,0 +1,186 @@
+"""One equilibrium at one load: PETSc SNES with MUMPS, and the inertia of its tangent."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from petsc4py import PETSc
+
+from calfsocket.io.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
+
+
+class Problem(Protocol):
+    """What the solver needs of a model; every method is collective."""
+
+    def create_vector(self) -> PETSc.Vec:
+        """Return a vector of unknowns, zero."""
+
+    def create_matrix(self) -> PETSc.Mat:
+        """Return a matrix with the tangent's pattern."""
+
+    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        """Residual f at x, in N/mm."""
+
+    def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
+        """Compute the derivative A of the residual at x."""
+
+    def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
+        """Return what decides whether the equilibrium x is stable; A is overwritten.
+
+        Returns
+        -------
+        matrix : PETSc.Mat
+            Its symmetric part counts.
+        negative : int
+            Negative eigenvalues that it has at a stable equilibrium: of the pressures in it.
+        """
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """Outcome of one Newton solve.
+
+    Attributes
+    ----------
+    converged : bool
+        Whether the residual came below the tolerance.
+    iterations : int
+        Newton iterations, those without success before a line search was taken included.
+    residual : float
+        Euclidean norm of the residual in N/mm.
+    reason : str
+        PETSc's name for why it stopped.
+    history : tuple of float
+        Residual norm before each iteration of the last attempt, and at its end, in N/mm.
+    """
+
+    converged: bool
+    iterations: int
+    residual: float
+    reason: str
+    history: tuple[float, ...]
+
+
+class Solver:
+    """Newton's method for a `Problem`.
+
+    Parameters
+    ----------
+    problem : Problem
+        Residual and tangent.
+    monitor : callable, optional
+        Called with iteration and residual norm (N/mm) at each iteration, on every rank.
+    full_steps_first : bool
+        Whether to try without a line search first, and with one again from the same start where
+        that does not converge. In small load steps a search only cuts steps for the rows of stiff
+        tissues, which the next iteration would mend. A search of the user's choice is the only one.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        monitor: Callable[[int, float], None] | None = None,
+        full_steps_first: bool = False,
+    ) -> None:
+        self._problem = problem
+        self._monitor = monitor
+        self._history: list[float] = []
+        self.x = problem.create_vector()
+        self._f = self.x.duplicate()
+        self._A = problem.create_matrix()
+        self._searching = self._create_snes()
+        self._first = self._searching
+        if full_steps_first and not PETSc.Options(OPTIONS_PREFIX).hasName("snes_linesearch_type"):
+            self._first = self._create_snes(snes_linesearch_type="basic")
+
+    def _create_snes(self, **changed: str) -> PETSc.SNES:
+        problem = self._problem
+        snes = PETSc.SNES().create(self.x.getComm())
+        snes.setOptionsPrefix(OPTIONS_PREFIX)
+        snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
+        snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self._A)
+        snes.setMonitor(self._record)
+        with defaults(**changed):
+            snes.setFromOptions()
+        if self._A.getType() == PETSc.Mat.Type.PYTHON:
+            # A tangent that knows how to solve; PETSc's options are for its own solver then.
+            ksp = snes.getKSP()
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+            ksp.getPC().setPythonContext(self._A.getPythonContext())
+        return snes
+
+    def solve(self) -> NewtonResult:
+        """Solve from the present `x`, which holds the last iterate afterwards (collective)."""
+        start = self.x.copy()
+        result = self._attempt(self._first)
+        if result.converged or self._searching is self._first:
+            return result
+        start.copy(self.x)
+        again = self._attempt(self._searching)
+        return replace(again, iterations=result.iterations + again.iterations)
+
+    def _attempt(self, snes: PETSc.SNES) -> NewtonResult:
+        self._history = []
+        snes.solve(None, self.x)
+        reason = snes.getConvergedReason()
+        return NewtonResult(
+            converged=reason > 0,
+            iterations=snes.getIterationNumber(),
+            residual=self._history[-1] if self._history else math.nan,
+            reason=_reason_name(reason),
+            history=tuple(self._history),
+        )
+
+    def factorise(self) -> None:
+        """Factorise the tangent at the present `x`, for `correction` (collective)."""
+        self._problem.tangent(self.x, self._A)
+        ksp = self._searching.getKSP()
+        ksp.setOperators(self._A)
+        ksp.setUp()
+
+    def correction(self, residual: PETSc.Vec) -> PETSc.Vec:
+        """Return tangent^-1 residual, with the tangent of `factorise` (collective)."""
+        step = residual.duplicate()
+        self._searching.getKSP().solve(residual, step)
+        return step
+
+    def negative_modes(self) -> int:
+        """Count the negative modes of the equilibrium at the present `x` (collective).
+
+        The number of negative eigenvalues of (A + A^T)/2, A the tissues' tangent with contact as a
+        constraint, by Sylvester's law from MUMPS's LDL^T factorisation, minus one for each pressure
+        unknown, which a saddle point owns anyway. Zero means a stable equilibrium.
+        """
+        matrix, expected = self._problem.stability(self.x, self._A)
+        symmetric = matrix.copy()
+        symmetric.axpy(1.0, matrix.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
+        symmetric.scale(0.5)
+        symmetric.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        pc = PETSc.PC().create(symmetric.getComm())
+        pc.setOperators(symmetric)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(24, 1)  # detect null pivots, which inertia needs
+        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK on the root: it would hide negative pivots
+        factor.setMumpsIcntl(14, int(DEFAULT_OPTIONS["mat_mumps_icntl_14"]))
+        pc.setUp()
+        negative = factor.getInertia()[0]
+        pc.destroy()
+        symmetric.destroy()
+        return int(negative) - expected
+
+    def _record(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
+        self._history.append(float(norm))
+        if self._monitor is not None:
+            self._monitor(iteration, float(norm))
+
+
+def _reason_name(reason: int) -> str:
+    for name, value in vars(PETSc.SNES.ConvergedReason).items():
+        if value == reason and name.isupper() and name not in ("ITERATING",):
+            return name.lower()
+    return str(reason)

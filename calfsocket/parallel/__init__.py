@@ -1,0 +1,1 @@
+"""MPI: who does what, progress, and a common end."""

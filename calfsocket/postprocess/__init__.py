@@ -1,0 +1,1 @@
+"""What a solved section says: fields, contact line, quantities, thresholds."""

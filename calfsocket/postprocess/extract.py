@@ -1,0 +1,149 @@
+"""A solved model as plain arrays on rank 0, in an order that does not depend on the partition."""
+
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from calfsocket.contact.friction import STATUS_NAMES
+from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
+from calfsocket.forms import mixed
+from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.forms.measures import cauchy_stress
+from calfsocket.mechanics.problem import Model
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
+
+KILOPASCAL = 1000.0
+"""kPa in a MPa."""
+
+# dolfinx numbers mid-side nodes by the opposite vertex, VTK along the boundary.
+_VTK_ORDER = [0, 1, 2, 5, 3, 4]
+
+
+def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionFields | None:
+    """Displacement, stress and strain of the whole section; on rank 0 (collective).
+
+    Parameters
+    ----------
+    model : Model
+        With the state of interest in its unknowns.
+    region_tissues : dict
+        Tissue of each region name.
+    """
+    domain = model.section.mesh
+    n_cells = domain.topology.index_map(2).size_local
+    nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
+    F, stress, p = _at_gauss_points(model, n_cells)
+    gathered = model.comm.gather(
+        (
+            domain.topology.original_cell_index[:n_cells],
+            domain.geometry.input_global_indices[nodes],
+            domain.geometry.x[nodes][:, :, :2],
+            _nodal_displacement(model, n_cells)[:, _VTK_ORDER],
+            model.region_ids()[:n_cells],
+            F,
+            stress,
+            p,
+        ),
+        root=0,
+    )
+    if gathered is None:
+        return None
+    number, *parts = (np.concatenate(part) for part in zip(*gathered, strict=True))
+    order = np.argsort(number)
+    node, x, u, region, F, stress, p = (part[order] for part in parts)
+    points = np.zeros((node.max() + 1, 2))
+    displacement = np.zeros_like(points)
+    points[node] = x
+    displacement[node] = u
+    names = {tag: name for name, tag in model.section.regions.items()}
+    return SectionFields(
+        points=points,
+        cells=node.astype(np.int64),
+        region=region.astype(np.int64),
+        region_names=names,
+        region_tissues={tag: region_tissues[name] for tag, name in names.items()},
+        displacement=displacement,
+        stress=KILOPASCAL * stress,
+        deformation_gradient=F,
+        pressure=-KILOPASCAL * p,
+        gauss_points=GAUSS_POINTS,
+    )
+
+
+def contact_line(model: Model) -> ContactLine | None:
+    """Contact along the skin; on rank 0 (collective)."""
+    contact = model.contact
+    state = contact.state()
+    law = state.traction
+    gathered = model.comm.gather(
+        (
+            contact.skin.nodes,
+            contact.points.reference,
+            contact.deformed_points(),
+            contact.points.weight,
+            law.pressure,
+            law.shear,
+            state.reduced_gap,
+            law.status,
+        ),
+        root=0,
+    )
+    if gathered is None:
+        return None
+    nodes, reference, position, weight, pressure, shear, gap, status = (
+        np.concatenate(part) for part in zip(*gathered, strict=True)
+    )
+    order, flipped = order_chain(nodes)
+    chain = EdgeChain.from_edges(along_chain(nodes, order, flipped))
+    on_edge = contact.edge_parameters
+    n_points = len(on_edge)
+    xi = np.where(flipped[:, None], -on_edge, on_edge)
+    arc = chain.arc(np.repeat(np.arange(len(order)), n_points), xi.ravel())
+    along = np.argsort(arc)
+    pick = (n_points * order[:, None] + np.arange(n_points)).ravel()[along]
+    return ContactLine(
+        arc_mm=arc[along],
+        angle_deg=np.degrees(np.arctan2(reference[pick, 1], reference[pick, 0])) % 360.0,
+        x_mm=position[pick, 0],
+        y_mm=position[pick, 1],
+        pressure_kPa=KILOPASCAL * pressure[pick],
+        shear_kPa=KILOPASCAL * shear[pick],
+        gap_mm=gap[pick],
+        weight_mm=weight[pick],
+        status=np.array(STATUS_NAMES)[status[pick]],
+        circumference_mm=chain.length,
+    )
+
+
+def _at_gauss_points(model: Model, n_cells: int) -> tuple[NDArray[np.float64], ...]:
+    """F, Cauchy stress s11, s22, s33, s12 and p (both MPa, > 0 in tension) of the first cells."""
+    domain, fields = model.section.mesh, model.fields
+    u, p_dof = ufl.split(model.w)
+    F, p = deformation_gradient(u), mixed.pressure(p_dof, fields)
+
+    def evaluate(expression: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        return fem.Expression(expression, GAUSS_POINTS, comm=model.comm).eval(domain, cells)
+
+    stress = np.empty((n_cells, 3, 4))
+    for law, tag in mixed.LAW_IDS.items():
+        cells = model.law_tags.find(tag)
+        cells = cells[cells < n_cells]
+        stress[cells] = evaluate(cauchy_stress(law, F, p, fields), cells).reshape(-1, 3, 4)
+    every = np.arange(n_cells, dtype=np.int32)
+    return evaluate(F, every).reshape(-1, 3, 2, 2), stress, evaluate(p, every)
+
+
+def _nodal_displacement(model: Model, n_cells: int) -> NDArray[np.float64]:
+    """Displacement at the six nodes of the first cells, in dolfinx's order, mm; (n, 6, 2)."""
+    result = np.empty((n_cells, 6, 2))
+    for component in range(2):
+        dofmap = model.V.sub(0).sub(component).dofmap
+        layout = dofmap.dof_layout
+        at = [layout.entity_dofs(0, i)[0] for i in range(3)]
+        at += [layout.entity_dofs(1, i)[0] for i in range(3)]
+        result[:, :, component] = model.w.x.array[dofmap.list[:n_cells, at]]
+    return result

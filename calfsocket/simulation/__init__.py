@@ -1,0 +1,1 @@
+"""One case: simulated, checked and kept."""

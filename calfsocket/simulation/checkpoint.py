@@ -1,0 +1,179 @@
+"""How far a case has come: its last equilibrium in a file, to go on from after a break.
+
+Unknowns are kept cell by cell and the slip history edge by edge, in the mesh generator's order: a
+case may go on with another number of ranks. What solves a case decides the last digits too, so a
+checkpoint is taken up only with the same inputs, mesh, options and versions.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.io.errors import CalfsocketError, in_one_line
+from calfsocket.io.files import replacing
+from calfsocket.mechanics.newton import NewtonResult
+from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.stepping import LoadStep, Milestone
+
+CHECKPOINT_FILE = "checkpoint.npz"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+class CheckpointError(CalfsocketError):
+    """A checkpoint cannot be taken up."""
+
+
+class Checkpoint:
+    """The file of a case's last equilibrium (every method is collective).
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    model : Model
+        What is solved.
+    inputs : mapping
+        Everything else that the numbers depend on, as JSON takes it.
+    """
+
+    def __init__(self, path: Path, model: Model, inputs: Mapping[str, object]) -> None:
+        self.path = path
+        self._model = model
+        domain = model.section.mesh
+        text = json.dumps(inputs, sort_keys=True, default=str)
+        mesh = self._gather_cells(np.asarray(domain.geometry.x[domain.geometry.dofmap]))
+        digest = ""
+        if mesh is not None:
+            digest = hashlib.sha256(text.encode() + mesh.tobytes()).hexdigest()
+        self._fingerprint = model.comm.bcast(digest, root=0)
+
+    def save(self, milestone: Milestone) -> None:
+        """Replace the file by a new one, in one step.
+
+        Raises
+        ------
+        WriteError
+            On rank 0 alone, which writes; nothing collective is left to do then.
+        """
+        unknowns = self._unknowns_in_cells(milestone.unknowns)
+        before = self._unknowns_in_cells(milestone.unknowns_before)
+        arc = self._gather_skin(milestone.converged_arc)
+        if unknowns is None or before is None or arc is None:
+            return
+        content = {
+            "fingerprint": self._fingerprint,
+            "load": milestone.load,
+            "load_before": milestone.load_before,
+            "next_step": milestone.next_step,
+            "steps": [asdict(step) for step in milestone.steps],
+        }
+        with replacing(self.path) as temporary, temporary.open("wb") as file:
+            np.savez(
+                file,
+                content=np.array(json.dumps(content)),
+                unknowns=unknowns,
+                unknowns_before=before,
+                converged_arc=arc,
+            )
+
+    def load(self) -> Milestone | None:
+        """Return what was saved; None where there is no file.
+
+        Raises
+        ------
+        CheckpointError
+            On every rank, for a file that is damaged or was made from anything else.
+        """
+        read: tuple[dict[str, Any], Arrays] | None = None
+        refusal = ""
+        if self._model.comm.rank == 0 and self.path.exists():
+            try:
+                read = self._read()
+            except Exception as error:  # whatever is wrong with it, the case can start anew
+                refusal = f"{self.path}: cannot be taken up: {in_one_line(error)}"
+        refusal, read = self._model.comm.bcast((refusal, read), root=0)
+        if refusal:
+            raise CheckpointError(refusal)
+        if read is None:
+            return None
+        content, arrays = read
+        return Milestone(
+            load=content["load"],
+            load_before=content["load_before"],
+            next_step=content["next_step"],
+            unknowns=self._vector(arrays["unknowns"]),
+            unknowns_before=self._vector(arrays["unknowns_before"]),
+            converged_arc=self._on_skin(arrays["converged_arc"]),
+            steps=tuple(_load_step(step) for step in content["steps"]),
+        )
+
+    def _read(self) -> tuple[dict[str, Any], Arrays]:
+        with np.load(self.path, allow_pickle=False) as file:
+            arrays = dict(file)
+        content = json.loads(str(arrays.pop("content")))
+        if content["fingerprint"] != self._fingerprint:
+            raise CheckpointError("made with other inputs, options or versions")
+        return content, arrays
+
+    # -- unknowns, cell by cell -----------------------------------------------------------------
+
+    def _gather_cells(self, values: NDArray[Any]) -> NDArray[Any] | None:
+        """Values of this rank's cells, one row a cell, as those of all cells on rank 0."""
+        topology = self._model.section.mesh.topology
+        owned = topology.index_map(2).size_local
+        return self._gather(topology.original_cell_index[:owned], values[:owned])
+
+    def _unknowns_in_cells(self, x: PETSc.Vec) -> NDArray[Any] | None:
+        V = self._model.V
+        w = fem.Function(V)
+        w.x.array[: V.dofmap.index_map.size_local] = x.array_r
+        w.x.scatter_forward()
+        return self._gather_cells(w.x.array[V.dofmap.list])
+
+    def _vector(self, in_cells: NDArray[Any]) -> PETSc.Vec:
+        V = self._model.V
+        values = np.empty_like(self._model.w.x.array)
+        values[V.dofmap.list] = in_cells[V.mesh.topology.original_cell_index]
+        x = self._model.create_vector()
+        x.array[:] = values[: V.dofmap.index_map.size_local]
+        return x
+
+    # -- slip history, edge by edge -------------------------------------------------------------
+
+    def _skin_edges(self) -> NDArray[Any]:
+        """Return the number of each skin edge of this rank: of its cell, and its place there."""
+        cell, facet = self._model.contact.skin.entities.T
+        return 3 * self._model.section.mesh.topology.original_cell_index[cell] + facet
+
+    def _gather_skin(self, at_points: NDArray[Any]) -> NDArray[Any] | None:
+        edges = self._skin_edges()
+        points = len(self._model.contact.edge_parameters)
+        return self._gather(edges, at_points.reshape(len(edges), points))
+
+    def _on_skin(self, at_points: NDArray[Any]) -> NDArray[Any]:
+        edges = self._skin_edges()
+        everyone = np.sort(np.concatenate(self._model.comm.allgather(edges)))
+        return at_points[np.searchsorted(everyone, edges)].ravel()
+
+    def _gather(self, numbers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any] | None:
+        """Rows of all ranks in the order of their numbers; on rank 0."""
+        gathered = self._model.comm.gather((numbers, rows), root=0)
+        if gathered is None:
+            return None
+        number, row = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
+        return row[np.argsort(number)]
+
+
+def _load_step(content: Mapping[str, Any]) -> LoadStep:
+    newton = dict(content["newton"])
+    newton["history"] = tuple(newton["history"])
+    return LoadStep(**{**content, "newton": NewtonResult(**newton)})

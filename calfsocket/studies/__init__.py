@@ -1,1 +1,0 @@
-"""Studies of the package as files: the paper's, an example, and their JSON schema."""

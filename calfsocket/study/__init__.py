@@ -1,0 +1,1 @@
+"""Studies: files, cases, sweeps, and their run."""

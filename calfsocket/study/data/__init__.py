@@ -1,0 +1,1 @@
+"""Study files of the package: the study of the paper and an example."""

@@ -1,0 +1,71 @@
+"""Files that a study file names: read once, from beside it, and kept for run.json."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import check_readable, checked, read_toml
+from calfsocket.materials.entry import entry_of
+from calfsocket.materials.laws import Law
+from calfsocket.meshes.data import Point
+
+
+class Files:
+    """Outlines and materials by the names that a study file has for them.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the study file.
+    recorded : mapping, optional
+        Content of the files of an earlier run, from its run.json: read in their place.
+    """
+
+    def __init__(self, folder: Path, recorded: Mapping[str, Any] | None = None) -> None:
+        self._folder = folder
+        self._recorded = recorded
+        self._content: dict[str, dict[str, Any]] = {}
+
+    @property
+    def record(self) -> dict[str, dict[str, Any]]:
+        """What was read so far: name -> sha256 and content."""
+        return dict(sorted(self._content.items()))
+
+    def outline(self, name: str) -> tuple[Point, ...]:
+        """Points of an outline, mm."""
+        if name not in self._content:
+            from calfsocket.meshes.outline import read_outline
+
+            self._read(name, read_outline)
+        points = self._content[name]["content"]
+        return tuple((float(x), float(y)) for x, y in points)
+
+    def law(self, name: str) -> Law:
+        """Law of a material file."""
+        if name not in self._content:
+            self._read(name, read_toml)
+        content = self._content[name]["content"]
+        path = self._folder / name
+        try:
+            model = entry_of(content)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        return checked(path, content, model).to_law()
+
+    def _read(self, name: str, read: Callable[[Path], Any]) -> None:
+        if self._recorded is not None:
+            if name not in self._recorded:
+                raise InputError(f"{name}: is not among the files of that run")
+            self._content[name] = dict(self._recorded[name])
+            return
+        path = self._folder / name
+        check_readable(path)
+        content = read(path)
+        self._content[name] = {"sha256": sha256(path), "content": content}
+
+
+def sha256(path: Path) -> str:
+    """Return the hash of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,163 @@
+"""A picture of what a study file would solve: sockets on the limb, undeformed, and the cases."""
+
+import textwrap
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.path import Path as Outline
+
+from calfsocket.io.files import replacing
+from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.sockets import socket_faces
+from calfsocket.plotting import section as drawing
+from calfsocket.simulation.case import Case
+from calfsocket.study.plan import Plan
+
+STEP_MM = 0.3  # of the points that curves are drawn by
+MOST_SHOWN = 9
+MOST_LISTED = 24
+OVERLAP = "#d55e00"
+OWN_LAW = "#7b3f9d"
+PANEL_INCH, LINE_INCH = 4.0, 0.135
+
+
+def draw(plan: Plan, path: Path) -> None:
+    """Draw a plan as PNG."""
+    sockets = _different(plan)
+    columns = min(len(sockets), 3)
+    rows = -(-len(sockets) // columns)
+    lines = _lines(plan, len(sockets))
+    text = LINE_INCH * (len(lines) + 2)
+    size = (max(columns * PANEL_INCH, 8.0), rows * (PANEL_INCH + 0.5) + text + 0.5)
+    figure = plt.figure(figsize=size, dpi=150)
+    for number, case in enumerate(sockets):
+        row, column = divmod(number, columns)
+        left = column / columns
+        bottom = 1 - (row + 1) * (PANEL_INCH + 0.5) / size[1]
+        axes = figure.add_axes((left, bottom, 1 / columns, PANEL_INCH / size[1]))
+        _draw_socket(axes, plan, case)
+    _draw_legend(figure, text + 0.3)
+    figure.text(
+        0.02, (text - 0.05) / size[1], "\n".join(lines), va="top", family="monospace", fontsize=8,
+        parse_math=False,
+    )  # fmt: skip
+    with replacing(path) as temporary:
+        figure.savefig(temporary, facecolor="white")
+    plt.close(figure)
+
+
+def _different(plan: Plan) -> list[Case]:
+    """One case for each geometry, and each choice of regions with laws of their own."""
+    sockets = plan.sockets.model_copy(update={"sockets": {**plan.sockets.sockets, **plan.shapes}})
+    found: dict[str, Case] = {}
+    for case in plan.cases:
+        found.setdefault(sockets.socket(case.socket).model_dump_json(exclude={"name"}), case)
+    return list(found.values())[:MOST_SHOWN]
+
+
+def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
+    limb = plan.limb
+    loops = limb_curves(limb)
+    skin = loops[limb.contact_boundary]
+    sockets = plan.sockets.model_copy(update={"sockets": {**plan.sockets.sockets, **plan.shapes}})
+    socket = sockets.socket(case.socket)
+    inner, outer = socket_faces(socket, skin)
+    for region in limb.regions:
+        outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))
+        colour = drawing.TISSUE_COLOURS[region.tissue]
+        drawing.draw_path(axes, outline, facecolor=colour, edgecolor=drawing.OUTLINE, linewidth=0.4)
+        if region.name in _own_regions(plan):
+            drawing.draw_path(
+                axes, outline, fill=False, edgecolor=OWN_LAW, linewidth=1.4, hatch="///", zorder=3
+            )
+    ring, body = _path(outer, inner), _path(skin)
+    drawing.draw_path(axes, ring, facecolor=drawing.SOCKET, alpha=0.9, linewidth=0, zorder=4)
+    inside = drawing.draw_path(axes, ring, facecolor=OVERLAP, linewidth=0, zorder=5)
+    inside.set_clip_path(body, axes.transData)
+    for curve in (skin, inner, outer):
+        drawing.draw_path(
+            axes, _path(curve), fill=False, edgecolor=drawing.OUTLINE, linewidth=0.5, zorder=6
+        )
+    points = np.vstack([_points(outer), _points(skin)])
+    (left, bottom), (right, top) = points.min(axis=0) - 7, points.max(axis=0) + 7
+    window = (left, right, bottom, top)
+    drawing.frame(axes, window)
+    drawing.mark_directions(axes, window, fontsize=7, margin=0.5)
+    drawing.scale_bar(axes, window, fontsize=7)
+    on = plan.placements[case.socket]
+    name = case.socket.split("@")[0]
+    axes.set_title(
+        f"{name}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
+        f"area\npresses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, on "
+        f"{100 * on.touching:.0f} % of the skin",
+        fontsize=8,
+        parse_math=False,
+    )
+
+
+def _own_regions(plan: Plan) -> set[str]:
+    """Regions that some set of the study gives a law of their own."""
+    regions = {region.name for region in plan.limb.regions}
+    named = {name for case in plan.cases for name in (case.settings or plan.settings).materials}
+    return (named & regions) - set(drawing.SOFT_TISSUES)
+
+
+def _points(curve: ClosedCurve) -> np.ndarray:
+    return curve.evaluate(curve.sample(STEP_MM))
+
+
+def _path(outer: ClosedCurve, *holes: ClosedCurve) -> Outline:
+    """Path of a region; holes turn the other way."""
+    parts = [Outline(_closed(_points(outer)), closed=True)]
+    parts += [Outline(_closed(_points(hole)[::-1]), closed=True) for hole in holes]
+    return Outline.make_compound_path(*parts)
+
+
+def _closed(points: np.ndarray) -> np.ndarray:
+    return np.vstack([points, points[:1]])
+
+
+def _draw_legend(figure: Figure, bottom_inch: float) -> None:
+    handles = [Patch(color=colour, label=name) for name, colour in drawing.TISSUE_COLOURS.items()]
+    handles += [
+        Patch(color=drawing.SOCKET, label="socket"),
+        Patch(color=OVERLAP, label="overlap"),
+        Patch(facecolor="white", edgecolor=OWN_LAW, hatch="///", label="law of its own"),
+    ]
+    figure.legend(
+        handles=handles, ncols=len(handles), loc="center", fontsize=7.5, frameon=False,
+        bbox_to_anchor=(0.5, (bottom_inch - 0.1) / figure.get_figheight()), columnspacing=1.0,
+        handlelength=1.2,
+    )  # fmt: skip
+
+
+def _lines(plan: Plan, drawn: int) -> list[str]:
+    """Tell in words what would be solved."""
+    settings = plan.settings
+    lines = [
+        f"{len(plan.cases)} cases; mesh {settings.size}, friction {settings.contact.fric_coeff:g}, "
+        f"socket {settings.socket_support}, steps of {settings.steps.first:g} to "
+        f"{settings.steps.largest:g}"
+    ]
+    lines += [
+        f"threshold: {each.outcome} in {each.tissue} above {each.value:g} {each.unit}"
+        for each in plan.thresholds
+    ]
+    for case in plan.cases[:MOST_LISTED]:
+        own = sorted((case.settings or settings).materials)
+        told = f"  own laws: {', '.join(own)}" if own else ""
+        lines += textwrap.wrap(f"{case.name}{told}", 110, subsequent_indent="    ")
+    if len(plan.cases) > MOST_LISTED:
+        lines.append(f"and {len(plan.cases) - MOST_LISTED} more")
+    if drawn == MOST_SHOWN:
+        lines.append(f"The first {MOST_SHOWN} geometries are drawn.")
+    return lines

@@ -1,1 +1,0 @@
-"""Study files: cases of one's own as TOML, checked before anything is solved."""
