@@ -62,7 +62,7 @@ def test_a_file_by_hand(tmp_path):
         ('mu = ["1 kPa"]', ["law is missing", "ogden, neo-hookean, yeoh, hencky"]),
         ('law = "odgen"', ["'odgen'", "ogden, neo-hookean, yeoh, hencky"]),
         ('law = ["ogden"]', ["law is ['ogden']", "yeoh"]),
-        ('law = "yeoh"', ["c10: Field required"]),
+        ('law = "yeoh"', ["c10: is missing; add it"]),
         ('law = "yeoh"\nc10 = 4.91', ["c10", "4.91", "unit"]),
         ('law = "yeoh"\nc10 = "4.91"', ["c10", "unit ''", "Pa, kPa, MPa"]),
         ('law = "yeoh"\nc10 = "4.91 kpa"', ["c10", "'kpa'", "Pa, kPa, MPa"]),

@@ -70,8 +70,8 @@ def shift_all(content: dict[str, Any]) -> None:
 
 
 LIMB_ERRORS: dict[str, tuple[Change, str]] = {
-    "units": (lambda c: c.update(units="cm, deg"), "units: Input should be 'mm, deg'"),
-    "missing key": (lambda c: c.pop("layers"), "layers: Field required"),
+    "units": (lambda c: c.update(units="cm, deg"), "units: is 'cm, deg'; it must be 'mm, deg'"),
+    "missing key": (lambda c: c.pop("layers"), "layers: is missing; add it"),
     "misspelt key": (
         lambda c: c.update(contact_boundry=c.pop("contact_boundary")),
         "unknown key 'contact_boundry'; did you mean 'contact_boundary'?",
@@ -82,11 +82,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "not a number": (
         lambda c: c["curves"]["tibia"]["points"][3].__setitem__(1, "high"),
-        "curves.tibia.points.3.1: Input should be a valid number",
+        "curves.tibia.points.3.1: is 'high'; it must be a number",
     ),
     "infinite": (
         lambda c: c["curves"]["tibia"]["points"][3].__setitem__(1, float("inf")),
-        "curves.tibia.points.3.1: Input should be a finite number",
+        "curves.tibia.points.3.1: is inf; it must be a finite number",
     ),
     "repeated point": (
         lambda c: c["curves"]["tibia"]["points"].append([-6.89, 21.23]),
@@ -98,11 +98,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "unknown curve type": (
         lambda c: c["curves"]["fibular_vein"].update(type="circle"),
-        "curves.fibular_vein: Input tag 'circle'",
+        "curves.fibular_vein: 'type' is 'circle'; it must be one of 'spline'",
     ),
     "negative semi-axis": (
         lambda c: c["curves"]["fibular_vein"].update(semi_axes=[1.0, -1.0]),
-        "curves.fibular_vein.semi_axes.1: Input should be greater than 0",
+        "curves.fibular_vein.semi_axes.1: is -1.0; it must be greater than 0",
     ),
     "offset of nothing": (
         lambda c: c["curves"]["skin_inner"].update(of="skin_outlin"),
@@ -122,7 +122,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "unknown tissue": (
         lambda c: region(c, "tibia").update(tissue="bones"),
-        "regions.15.tissue: Input should be 'skin', 'fat', 'fascia', 'muscle', 'bone' or 'vessel'",
+        "regions.15.tissue: is 'bones'; it must be 'skin', 'fat', 'fascia', 'muscle'",
     ),
     "ids not unique": (
         lambda c: region(c, "fibula").update(id=16),
@@ -190,11 +190,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "a point of one number": (
         lambda c: c["curves"]["tibia"]["points"].__setitem__(3, [1.0]),
-        "curves.tibia.points.3.1: Field required",
+        "curves.tibia.points.3.1: is missing; add it",
     ),
     "a limb of 2 m": (
         lambda c: c["curves"]["tibia"]["points"].__setitem__(3, [0.0, 2000.0]),
-        "curves.tibia.points.3.1: Input should be less than or equal to 1000",
+        "curves.tibia.points.3.1: is 2000.0; it must be less than or equal to 1000",
     ),
     "half a character": (
         lambda c: c.update({"\ud800": 1}),
@@ -220,7 +220,7 @@ def test_a_wrong_limb_is_refused_in_one_line(tmp_path: Path, change: Change, exp
 SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
     "unknown law": (
         lambda c: c["sockets"]["TC"].update(law="offset"),
-        "sockets.TC: Input tag 'offset'",
+        "sockets.TC: 'law' is 'offset'; it must be one of 'normal_offset'",
     ),
     "another law's parameter": (
         lambda c: c["sockets"]["TC"].update(roundness=0.1),
@@ -228,15 +228,15 @@ SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "bump without width": (
         lambda c: c["sockets"]["HS"]["bumps"][0].pop("width"),
-        "sockets.HS.bumps.0.width: Field required",
+        "sockets.HS.bumps.0.width: is missing; add it",
     ),
     "roundness above 1": (
         lambda c: c["sockets"]["HS"].update(roundness=1.1),
-        "sockets.HS.roundness: Input should be less than or equal to 1",
+        "sockets.HS.roundness: is 1.1; it must be less than or equal to 1",
     ),
     "no wall": (
         lambda c: c.update(wall_thickness=0.0),
-        "wall_thickness: Input should be greater than 0",
+        "wall_thickness: is 0.0; it must be greater than 0",
     ),
 }
 
@@ -253,7 +253,7 @@ def test_a_wrong_socket_is_refused_in_one_line(
     [
         ('{"units": "mm, deg", "units": "mm, deg"}', "key 'units' stands twice"),
         ('{"units": ', "line 1 column 11"),
-        ("[]", "Input should be a valid dictionary"),
+        ("[]", r"is \[\]; it must be a table"),
         ("[" * 100_000, "is nested too deeply"),
         ("9" * 5000, "Exceeds the limit"),
     ],

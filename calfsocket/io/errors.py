@@ -1,5 +1,9 @@
 """Exceptions of calfsocket: what went wrong, where, what is allowed, what to do."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 #: Characters of a line; input that is quoted may be a whole file.
 _LONGEST = 1000
 
@@ -19,6 +23,15 @@ class InputError(CalfsocketError, ValueError):
         if len(readable) > _LONGEST:
             readable = f"{readable[: _LONGEST // 2]} ... {readable[-_LONGEST // 2 :]}"
         super().__init__(readable)
+
+
+@contextmanager
+def error_context(path: Path | str, place: str = "") -> Iterator[None]:
+    """Name the file, and the place in it, in front of an `InputError` that the body raises."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {place + ': ' if place else ''}{error}") from None
 
 
 class SolveError(CalfsocketError, RuntimeError):

@@ -1,4 +1,8 @@
-"""Quantities of files as pydantic types: text with a unit outside, a number inside."""
+"""Quantities as pydantic types: text with a unit in files, a number in Python.
+
+A number in Python is in the program's own unit (mm, MPa, 1/MPa, degrees, a share of 1); a text with
+a unit is accepted there, too. In files the unit is required.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +15,7 @@ from calfsocket.io.units import Dimension
 
 @dataclass(frozen=True)
 class Written:
-    """Annotation of a float that files have as a text such as ``"12 kPa"``.
+    """Annotation of a float that files give as a text such as ``"12 kPa"``.
 
     Attributes
     ----------
@@ -27,8 +31,13 @@ class Written:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Read the text before the number is checked."""
-        return core_schema.no_info_before_validator_function(self.dimension.parse, handler(source))
+        """Convert a text before the number is checked."""
+        return core_schema.with_info_before_validator_function(self._convert, handler(source))
+
+    def _convert(self, value: Any, info: core_schema.ValidationInfo) -> Any:
+        if isinstance(value, str) or (info.context or {}).get("units_required"):
+            return self.dimension.parse(value)
+        return value
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

@@ -1,4 +1,4 @@
-"""Files read into frozen, checked models; what is wrong is said in one line."""
+"""Checked models: built in Python or read from a file, they refuse bad input in the same words."""
 
 import difflib
 import json
@@ -26,9 +26,23 @@ def nearest(key: str, allowed: Collection[str]) -> str:
 
 
 class Strict(BaseModel):
-    """A model that cannot be changed and that takes no key it does not know."""
+    """A model that cannot be changed and accepts no key that it does not know.
+
+    Built in Python, it raises an `InputError` that names the class and the key; read from a file by
+    `checked`, one that names the file and the key. The rest of the message is the same.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise InputError(f"{type(self).__name__}: {first_problem(values, error)}") from None
+
+    # A model with an __init__ of its own would be built through it inside other models, too, and
+    # their errors would lose the place: pydantic tells the two apart by this attribute.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="before")
     @classmethod
@@ -45,7 +59,13 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_json(path: Path, model: type[Model]) -> Model:
-    """Read and check a file; raise an InputError naming the file and the key otherwise."""
+    """Read and check a file whose numbers have the units that it states.
+
+    Raises
+    ------
+    InputError
+        One line that names the file and the key.
+    """
     try:
         content = json.loads(read_text(path), object_pairs_hook=_unique)
     except InputError:
@@ -54,7 +74,7 @@ def read_json(path: Path, model: type[Model]) -> Model:
         raise InputError(f"{path}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{path}: is nested too deeply") from error
-    return checked(path, content, model)
+    return checked(path, content, model, units_required=False)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -100,19 +120,90 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
         raise InputError(f"{path}: is not UTF-8 text ({error.reason})") from error
 
 
-def checked(path: Path, content: Any, model: type[Model]) -> Model:
-    """Check the parsed content of a file; raise an InputError naming the file and the key."""
+def checked(
+    path: Path,
+    content: Any,
+    model: type[Model],
+    origin: str = "",
+    units_required: bool = True,
+) -> Model:
+    """Build a model from the parsed content of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    content
+        As parsed.
+    model : type
+        What it must be.
+    origin : str
+        What was changed in the content after reading; it stands first in the message.
+    units_required : bool
+        Whether quantities with a dimension must be texts with a unit (`io.quantity`), as in all
+        files but those that state one unit for all their numbers.
+
+    Raises
+    ------
+    InputError
+        One line: file, origin, key, the value, and what it must be.
+    """
     try:
-        return model.model_validate(content)
+        return model.model_validate(content, context={"units_required": units_required})
     except UnicodeEncodeError as error:  # in a key; in a text it is a ValidationError
         raise InputError(
             f"{path}: {error.object!r} holds half a character; write it whole"
         ) from error
     except ValidationError as error:
-        first = error.errors()[0]
-        place = place_in(content, first["loc"], first["type"] == "missing")
-        message = first["msg"].removeprefix("Value error, ")
-        raise InputError(f"{path}: {place + ': ' if place else ''}{message}") from error
+        raise InputError(f"{path}: {origin}{first_problem(content, error)}") from None
+
+
+def first_problem(content: Any, error: ValidationError) -> str:
+    """Describe the first problem that pydantic found: the place in the content, then why."""
+    first = error.errors()[0]
+    place = place_in(content, first["loc"], first["type"] == "missing")
+    return f"{place + ': ' if place else ''}{_message(dict(first))}"
+
+
+_TABLE = "Input should be a table"
+_NUMBER = "Input should be a number, without quotes"
+_LIST = "Input should be a list in brackets"
+_PLAIN = {
+    "model_type": _TABLE,
+    "dict_type": _TABLE,
+    "string_type": "Input should be text in quotes",
+    "float_type": _NUMBER,
+    "float_parsing": _NUMBER,
+    "tuple_type": _LIST,
+    "list_type": _LIST,
+    "string_pattern_mismatch": "Input should be a name of at most 40 letters, digits, and . _ + - "
+    "within, which begins with a letter or digit",
+}
+"""Words for what pydantic says to programmers, by its name of the error."""
+
+
+def _message(error: dict[str, Any]) -> str:
+    """Say what a value is and must be, where pydantic says only the latter."""
+    text: str = error["msg"]
+    if error["type"] == "missing":
+        return "is missing; add it"
+    if error["type"] == "value_error":
+        return text.removeprefix("Value error, ")
+    if text.startswith("is no "):
+        return text
+    if error["type"] == "union_tag_invalid":
+        kind = error["ctx"]
+        return f"{kind['discriminator']} is '{kind['tag']}'; it must be one of {kind['expected_tags']}"
+    if error["type"] == "union_tag_not_found":
+        return f"{error['ctx']['discriminator']} is missing; add it"
+    text = _PLAIN.get(error["type"], text)
+    said = text.replace("Input should be", "it must be").replace("Input should", "it must")
+    return f"is {_shortened(error['input'])}; {said[0].lower()}{said[1:]}"
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def place_in(content: Any, parts: tuple[int | str, ...], missing: bool) -> str:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.io.errors import InputError
-from calfsocket.io.schema import nearest
+from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.laws import Law
 from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet, materials_of
 from calfsocket.mechanics.stepping import StepControl
@@ -19,7 +19,6 @@ from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.case import Case, Settings, case_laws
 from calfsocket.study import parameters as changes
 from calfsocket.study.document import REFERENCE_SOCKETS, Document
-from calfsocket.study.error_context import checked_document, told
 from calfsocket.study.files import Files
 from calfsocket.study.materials import MaterialSetEntry, laws
 from calfsocket.study.parameters import Changes, Labels
@@ -113,12 +112,12 @@ class Planner:
         """Return the plan."""
         document = self._document({}, "")
         self._check_names(document)
-        with told(self._path):
+        with error_context(self._path):
             points = changes.points(document.sweep)
         swept = tuple(points[0])
         asked = list(self._asked(document))
         for place, names in (("sweep", points[0]), *((a.place, a.changes) for a in asked)):
-            with told(self._path, place):
+            with error_context(self._path, place):
                 changes.applied(self._content, names)
         labels = Labels([*swept, *(name for each in asked for name in each.changes)], points)
         shared = self._settings(document)
@@ -234,10 +233,10 @@ class Planner:
         """Return the file, checked, with some parameters changed."""
         key = json.dumps(own, default=str)
         if key not in self._documents:
-            with told(self._path, place):
+            with error_context(self._path, place):
                 content = changes.applied(self._content, own)
             origin = f"{place}: with {_words(own)}: " if own else ""
-            self._documents[key] = checked_document(self._path, content, origin)
+            self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
 
     def _case(
@@ -276,7 +275,7 @@ class Planner:
         if name in REFERENCE_SOCKETS:
             return self._reference.sockets[name], {}
         entry = document.sockets[name]
-        with told(self._path, f"sockets.{name}"):
+        with error_context(self._path, f"sockets.{name}"):
             shape = entry.shape(self._files, self._reference.sockets)
             law = entry.material()
         return shape, {"socket": law} if law else {}
@@ -288,7 +287,7 @@ class Planner:
         wall: Mapping[str, Law] | None = None,
     ) -> Settings:
         model, steps = document.model, document.steps
-        with told(self._path):
+        with error_context(self._path):
             own = laws(document.laws, self._files)
             own |= entry.laws(self._files) if entry else {}
         return Settings(
@@ -343,7 +342,7 @@ class Planner:
             socket = sockets.socket(case.socket)
             shape = socket.model_dump_json(exclude={"name"})
             if shape not in of_shape:
-                with told(self._path, f"sockets.{case.socket.split('@')[0]}"):
+                with error_context(self._path, f"sockets.{case.socket.split('@')[0]}"):
                     of_shape[shape] = check_placement(socket, self._limb)
             found[case.socket] = of_shape[shape]
         return found
