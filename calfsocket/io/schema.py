@@ -193,7 +193,9 @@ def _message(error: dict[str, Any]) -> str:
         return text
     if error["type"] == "union_tag_invalid":
         kind = error["ctx"]
-        return f"{kind['discriminator']} is '{kind['tag']}'; it must be one of {kind['expected_tags']}"
+        return (
+            f"{kind['discriminator']} is '{kind['tag']}'; it must be one of {kind['expected_tags']}"
+        )
     if error["type"] == "union_tag_not_found":
         return f"{error['ctx']['discriminator']} is missing; add it"
     text = _PLAIN.get(error["type"], text)
