@@ -46,11 +46,11 @@ class Checks(Strict):
     steps: int
     failed_steps: int
     newton_iterations: int
-    residual_N_per_mm: float  # noqa: N815 - the unit's own capital
+    residual_N_per_mm: float
     smallest_volume_ratio: float
     smallest_volume_ratio_region: str
     largest_gap_in_contact_mm: float
-    pressing_force_N_per_mm: float  # noqa: N815
+    pressing_force_N_per_mm: float
     relative_force_imbalance: float
     negative_modes: int
 
