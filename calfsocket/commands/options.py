@@ -77,7 +77,7 @@ def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"])
     InputError
         For an unknown mesh size, or a material file that cannot be used in these material sets.
     """
-    from calfsocket.contact.nitsche import ContactParameters
+    from calfsocket.contact.parameters import Contact
     from calfsocket.materials.file import read_materials
     from calfsocket.meshes.sizing import mesh_size
 
@@ -85,5 +85,5 @@ def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"])
         "size": mesh_size(arguments.size).name,
         "fascia_c10": arguments.fascia_c10,
         "materials": read_materials(arguments.material, sets),
-        "contact": ContactParameters(fric_coeff=arguments.friction),
+        "contact": Contact(friction=arguments.friction),
     }

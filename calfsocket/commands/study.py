@@ -101,7 +101,7 @@ def _study(arguments: argparse.Namespace) -> "Study":
     shared = options.model_settings(arguments, sets)  # refuses what is wrong, by its option
     model = {
         "size": shared["size"],
-        "friction": shared["contact"].fric_coeff,
+        "friction": shared["contact"].friction,
         "socket_support": arguments.socket_support,
         "fascia_c10": shared["fascia_c10"],
         "ogden_form": arguments.ogden_form,

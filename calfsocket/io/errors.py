@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 #: Characters of a line; input that is quoted may be a whole file.
 _LONGEST = 1000
@@ -36,6 +37,19 @@ def error_context(path: Path | str, place: str = "") -> Iterator[None]:
 
 class SolveError(CalfsocketError, RuntimeError):
     """An equilibrium was not found."""
+
+
+class ConvergenceError(SolveError):
+    """The load could not be raised any farther.
+
+    Attributes
+    ----------
+    result
+        The last equilibrium, as the caller of a simulation gets it; None unless a simulation is
+        what failed.
+    """
+
+    result: Any = None
 
 
 class WriteError(CalfsocketError, OSError):

@@ -3,17 +3,17 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, cast
 
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import SolveError
 from calfsocket.materials.laws import Law, OgdenForm
 from calfsocket.materials.tissues import FasciaC10, MaterialSet, material_set
-from calfsocket.mechanics.problem import Model, SocketSupport
-from calfsocket.mechanics.stepping import LoadStep, Milestone, StepControl, Stepper
+from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.data import Limb, Socket
 from calfsocket.meshes.section import section_mesh
@@ -83,9 +83,9 @@ class Settings:
         "abaqus" or "as-printed".
     materials : mapping of str to law
         Laws in the place of Table 1's, by name of the tissue, "combined", or a single region.
-    contact : ContactParameters
+    contact : Contact
         Friction and Nitsche stiffness.
-    steps : StepControl
+    steps : LoadSteps
         Load steps.
     """
 
@@ -94,8 +94,13 @@ class Settings:
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
     materials: Mapping[str, Law] = field(default_factory=dict)
-    contact: ContactParameters = field(default_factory=ContactParameters)
-    steps: StepControl = field(default_factory=StepControl)
+    contact: Contact = field(default_factory=Contact)
+    steps: LoadSteps = field(default_factory=LoadSteps)
+
+    def content(self) -> dict[str, Any]:
+        """Return all of it as plain dictionaries, as JSON takes it."""
+        models = {"contact": self.contact.model_dump(), "steps": self.steps.model_dump()}
+        return asdict(self) | models
 
 
 def region_tissues(limb: Limb) -> dict[str, str]:
@@ -117,14 +122,14 @@ def region_laws(case: Case, settings: Settings, limb: Limb) -> dict[str, Law]:
     return {name: own.get(name, laws[tissue]) for name, tissue in region_tissues(limb).items()}
 
 
-def step_control(case: Case, settings: Settings) -> StepControl:
+def step_control(case: Case, settings: Settings) -> LoadSteps:
     """Load steps of a case.
 
     With muscle and fascia combined nothing buckles and the path is smooth: the secant saves half of
     the iterations. A separate, stiff fascia waves in the soft muscle, and a start ahead of the
     friction may end on another branch (TC Separate, coarse: 0.5 % less contact pressure).
     """
-    return replace(settings.steps, predict=case.paper_set == "combined")
+    return settings.steps.model_copy(update={"extrapolate": case.paper_set == "combined"})
 
 
 class Run:
@@ -139,7 +144,7 @@ class Run:
     limb, socket
         Geometry.
     on_iteration, on_step, on_milestone : callable, optional
-        As of `stepping.Stepper`.
+        As of `stepping.LoadStepper`.
 
     Attributes
     ----------
@@ -168,13 +173,13 @@ class Run:
             section = section_mesh(comm, limb, socket, mesh_size(settings.size))
         with self.phase("setup"):
             laws = region_laws(case, settings, limb)
-            self.model = Model(
+            self.model = limb_problem(
                 section,
                 {name: laws[name] for name in section.regions},
                 settings.contact,
                 settings.socket_support,
             )
-            self.stepper = Stepper(
+            self.stepper = LoadStepper(
                 self.model, step_control(case, settings), on_iteration, on_step, on_milestone
             )
 
@@ -204,9 +209,9 @@ class Run:
             newton = [step.newton for step in stepper.steps]
             done = [step.newton for step in stepper.steps if step.newton.converged]
             volume_ratio, region = model.smallest_volume_ratio()
-            imbalance, pressing = model.force_balance(stepper.solver.x)
+            imbalance, pressing = model.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
             return {
-                "load": model.contact.load,
+                "load": model.load,
                 "unknowns": model.V.dofmap.index_map.size_global,
                 "cells": model.section.mesh.topology.index_map(2).size_global,
                 "steps": len(done),
@@ -218,7 +223,7 @@ class Run:
                 "largest_gap_in_contact_mm": model.contact.largest_gap(),
                 "pressing_force_N_per_mm": pressing,
                 "relative_force_imbalance": imbalance / pressing if pressing else 0.0,
-                "negative_modes": stepper.solver.negative_modes(),
+                "negative_modes": stepper.newton.negative_modes(),
             }
 
     @staticmethod

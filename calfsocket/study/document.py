@@ -4,14 +4,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict
 from calfsocket.io.units import SHARE, STRESS
 from calfsocket.materials.laws import OgdenForm
 from calfsocket.materials.tissues import MATERIAL_SETS, FasciaC10
-from calfsocket.mechanics.problem import SocketSupport
-from calfsocket.mechanics.stepping import StepControl
+from calfsocket.mechanics.limb_problem import SocketSupport
+from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
@@ -72,12 +72,12 @@ class ModelTable(Strict):
     size: str | Annotated[int, Field(strict=True)] = Field(
         default="paper", description="coarse, medium or paper, or the number of triangles"
     )
-    friction: Annotated[Number, Field(ge=0)] = ContactParameters.fric_coeff
+    friction: Annotated[Number, Field(ge=0)] = Contact().friction
     socket_support: SocketSupport = "floating"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
-    gamma: Annotated[Number, Field(gt=0, description="MPa/mm")] = ContactParameters.gamma
-    gamma_t: Annotated[Number, Field(gt=0, description="MPa/mm")] = ContactParameters.gamma_t
+    gamma: Annotated[Number, Field(gt=0, description="MPa/mm")] = Contact().gamma
+    gamma_t: Annotated[Number, Field(gt=0, description="MPa/mm")] = Contact().gamma_t
 
     @field_validator("size", mode="before")
     @classmethod
@@ -95,9 +95,9 @@ class ModelTable(Strict):
 class StepsTable(Strict):
     """Load steps: the load is the share of the overlap that is released, 0 to 1."""
 
-    first: Annotated[Number, Field(gt=0, le=1)] = StepControl.first
-    largest: Annotated[Number, Field(gt=0, le=1)] = StepControl.largest
-    smallest: Annotated[Number, Field(gt=0, le=1)] = StepControl.smallest
+    first: Annotated[Number, Field(gt=0, le=1)] = LoadSteps().first
+    largest: Annotated[Number, Field(gt=0, le=1)] = LoadSteps().largest
+    smallest: Annotated[Number, Field(gt=0, le=1)] = LoadSteps().smallest
 
     @model_validator(mode="after")
     def _in_order(self) -> "StepsTable":

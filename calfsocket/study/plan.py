@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.laws import Law
 from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet, materials_of
-from calfsocket.mechanics.stepping import StepControl
+from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.data import Limb, Shape, Sockets
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.postprocess.thresholds import Threshold
@@ -296,10 +296,8 @@ class Planner:
             fascia_c10=model.fascia_c10,
             ogden_form=model.ogden_form,
             materials={**own, **(wall or {})},
-            contact=ContactParameters(
-                fric_coeff=model.friction, gamma=model.gamma, gamma_t=model.gamma_t
-            ),
-            steps=StepControl(first=steps.first, largest=steps.largest, smallest=steps.smallest),
+            contact=Contact(friction=model.friction, gamma=model.gamma, gamma_t=model.gamma_t),
+            steps=LoadSteps(first=steps.first, largest=steps.largest, smallest=steps.smallest),
         )
 
     def _check_room(

@@ -150,7 +150,7 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
         times.insert(0, "socket", case.socket)
         times.insert(1, "material_set", case.material_set)
         _merge(study, PROFILE_FILE, times)
-    load = float(run.model.contact.load)
+    load = float(run.model.load)
     warnings = run.warnings(checks)
     text = run.failure or "; ".join(["solved", *warnings])
     tell(text, load, True)

@@ -94,7 +94,7 @@ class Study:
     def inputs(self) -> dict[str, Any]:
         """Everything that the results depend on, apart from the choice of cases."""
         return {
-            "settings": asdict(self.settings),
+            "settings": self.settings.content(),
             "limb": _fingerprint(self.limb.model_dump_json()),
             "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
             "thresholds": [asdict(threshold) for threshold in self.thresholds],
@@ -110,7 +110,7 @@ class Study:
         own = {
             "socket": self.socket(case).model_dump(mode="json", exclude_none=True),
             "set": case.paper_set,
-            "settings": asdict(self.settings_of(case)),
+            "settings": self.settings_of(case).content(),
         }
         return _fingerprint(json.dumps(own))
 

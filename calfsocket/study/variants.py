@@ -24,20 +24,17 @@ class Variant:
     name : str
         Name of the folder.
     changes : dict
-        `case.Settings`, those of `ContactParameters` among them -> value.
+        `case.Settings`, those of `Contact` among them -> value.
     """
 
     name: str
     changes: Mapping[str, Any]
 
 
-IN_FILE = {"fric_coeff": "friction"}
-"""Names that study files have for settings that are called otherwise here."""
-
 VARIANTS = (
     Variant("socket-held", {"socket_support": "outer-fixed"}),
     Variant("fascia-c10-tables", {"fascia_c10": "tables"}),
-    Variant("frictionless", {"fric_coeff": 0.0}),
+    Variant("frictionless", {"friction": 0.0}),
     Variant("ogden-as-printed", {"ogden_form": "as-printed"}),
     Variant(
         "socket-held-and-fascia-c10-tables",
@@ -72,11 +69,11 @@ def _origin(origin: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     if not origin:
         return {}
     content = origin["content"]
-    model = {IN_FILE.get(key, key): value for key, value in changes.items()}
+    model = dict(changes)
     return {**origin, "content": {**content, "model": {**content.get("model", {}), **model}}}
 
 
 def _changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     contact = {key: value for key, value in changes.items() if hasattr(settings.contact, key)}
     others = {key: value for key, value in changes.items() if key not in contact}
-    return replace(settings, contact=replace(settings.contact, **contact), **others)
+    return replace(settings, contact=settings.contact.model_copy(update=contact), **others)
