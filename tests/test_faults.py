@@ -57,34 +57,34 @@ TRIALS = (
     fails(
         "no memory for the matrix",
         "out of memory; use a coarser mesh or fewer ranks at a time",
-        "calfsocket.mechanics.problem:Model.create_matrix",
+        "calfsocket.mechanics.problem:Problem.create_matrix",
         error="MemoryError",
         words=(),
     ),
     fails(
         "an exception in the residual, inside PETSc",
         "RuntimeError: injected",
-        "calfsocket.mechanics.problem:Model.residual",
+        "calfsocket.mechanics.problem:Problem.residual",
         call=9,
     ),
     fails(
         "an exception in the tangent, inside PETSc",
         "ZeroDivisionError: injected",
-        "calfsocket.mechanics.problem:Model.tangent",
+        "calfsocket.mechanics.problem:Problem.tangent",
         call=6,
         error="ZeroDivisionError",
     ),
     fails(
         "Newton's method finds no equilibrium",
         "no equilibrium between load 0.2500 and 0.2550",
-        "calfsocket.mechanics.stepping:Stepper.run",
+        "calfsocket.mechanics.stepping:LoadStepper.run",
         error="SolveError",
         words=("no equilibrium between load 0.2500 and 0.2550",),
     ),
     fails(
         "an exception in the checks of a result",
         "RuntimeError: injected",
-        "calfsocket.mechanics.problem:Model.force_balance",
+        "calfsocket.mechanics.problem:Problem.force_balance",
     ),
     fails(
         "an exception in the outcomes",
@@ -201,7 +201,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
 
 def test_the_fault_is_in_run_json_with_its_place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fault = Fault("calfsocket.mechanics.problem:Model.residual", call=5)
+    fault = Fault("calfsocket.mechanics.problem:Problem.residual", call=5)
     owner, name = fault.owner()
     monkeypatch.setattr(owner, name, fault.put_into(getattr(owner, name)))
     assert not run_study(MPI.COMM_SELF, tiny_study(tmp_path / "r", ("A",)))
@@ -213,7 +213,7 @@ def test_the_fault_is_in_run_json_with_its_place(tmp_path, monkeypatch):
 def test_who_wants_to_end_is_not_a_failing_case(stop, tmp_path, monkeypatch):
     """Ctrl-C inside a callback of PETSc comes out as Ctrl-C."""
     monkeypatch.chdir(tmp_path)
-    fault = Fault("calfsocket.mechanics.problem:Model.tangent", call=5, error=stop.__name__)
+    fault = Fault("calfsocket.mechanics.problem:Problem.tangent", call=5, error=stop.__name__)
     owner, name = fault.owner()
     monkeypatch.setattr(owner, name, fault.put_into(getattr(owner, name)))
     with pytest.raises(stop):

@@ -150,7 +150,7 @@ def test_results_of_other_settings_are_not_overwritten(results, capsys):
     before = (results / "summary.csv").read_bytes()
     words = ["--size", "coarse", "--sockets", "TSB", "--friction", "0.3", "--out", str(results)]
     assert cli.main(words) == 2
-    assert "contact.fric_coeff" in capsys.readouterr().err
+    assert "contact.friction" in capsys.readouterr().err
     assert (results / "summary.csv").read_bytes() == before
 
 

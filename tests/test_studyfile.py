@@ -61,7 +61,7 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     study = paper_command._study(parser.parse_all(words))
     assert [case.name for case in study.cases] == ["HS_separate", "HS_combined"]
     assert study.known == tuple(all_cases(load_sockets()))
-    assert study.settings.size == "coarse" and study.settings.contact.fric_coeff == 0.3
+    assert study.settings.size == "coarse" and study.settings.contact.friction == 0.3
     assert study.settings.materials == {"fat": Hencky(0.003, 0.4)}
     assert study.origin["content"]["model"]["friction"] == 0.3
     assert study.origin["files"][str(law)]["content"]["nu"] == 0.4
@@ -234,7 +234,7 @@ def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
         '[study]\nsockets = ["TC"]\nmaterials = ["a", "b"]\n'
         '[materials.a]\nlike = "combined"\n[materials.b]\n'
     )
-    assert [step_control(case, made.settings).predict for case in made.cases] == [True, False]
+    assert [step_control(case, made.settings).extrapolate for case in made.cases] == [True, False]
 
 
 def test_another_limb_is_read_from_beside_the_study(tmp_path):
@@ -279,7 +279,7 @@ def test_a_grid_makes_a_case_of_each_combination_that_reaches_it(plan):
     assert made.parameters == ("model.friction", "sockets.mine.wall_thickness")
     assert made.shapes["mine@friction=0.2,wall_thickness=5mm"].wall_thickness == 5
     frictions = {case.name: (case.settings or made.settings).contact for case in made.cases}
-    assert {c.fric_coeff for n, c in frictions.items() if "friction=0.2" in n} == {0.2}
+    assert {c.friction for n, c in frictions.items() if "friction=0.2" in n} == {0.2}
 
 
 def test_a_list_takes_values_together(plan):
