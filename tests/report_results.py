@@ -157,7 +157,7 @@ def write_results(
     }
     run = {
         "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        "inputs": {"settings": asdict(settings)},
+        "inputs": {"settings": settings.content()},
         "laws": laws,
         "limb": load_limb().model_dump(mode="json"),
         "sockets": load_sockets().model_dump(mode="json"),

@@ -14,8 +14,9 @@ from reliability import Trial
 from test_faults import entries
 from tiny_study import Fault, tiny_study
 
-RESIDUAL = "calfsocket.mechanics.problem:Model.residual"
-TANGENT = "calfsocket.mechanics.problem:Model.tangent"
+RESIDUAL = "calfsocket.mechanics.problem:Problem.residual"
+CONSTRAINTS = "calfsocket.mechanics.problem:constrained_unknowns"
+TANGENT = "calfsocket.mechanics.problem:Problem.tangent"
 
 TITLE = "Faults of one rank among several"
 INTRO = """\
@@ -47,9 +48,9 @@ CASES = (
     ends("compiling, first rank", "calfsocket.simulation.precompile:_use_all_forms", (0,)),
     agrees("mesh, first rank", "calfsocket.meshes.section:build", (0,)),
     ends("mesh, second rank", "calfsocket.meshes.distributed:SectionMesh", (1,)),
-    ends("set-up, first rank", "calfsocket.mechanics.problem:Model._skin_law", (0,)),
-    ends("set-up, second rank", "calfsocket.mechanics.problem:Model._skin_law", (1,)),
-    ends("input refused by the second rank alone", "calfsocket.mechanics.problem:Model._fix", (1,),
+    ends("set-up, first rank", "calfsocket.contact.interface:surface_law", (0,)),
+    ends("set-up, second rank", "calfsocket.contact.interface:surface_law", (1,)),
+    ends("input refused by the second rank alone", CONSTRAINTS, (1,),
          error="InputError"),
     ends("residual, first rank", RESIDUAL, (0,), 12),
     ends("residual, second rank", RESIDUAL, (1,), 12, slow=False),
@@ -58,7 +59,7 @@ CASES = (
     ends("tangent, second rank, no memory", TANGENT, (1,), 6,
          error="MemoryError"),
     ends("checkpoint, second rank", "calfsocket.simulation.checkpoint:Checkpoint._gather", (1,), 4),
-    ends("checks, second rank", "calfsocket.mechanics.problem:Model.smallest_volume_ratio", (1,)),
+    ends("checks, second rank", "calfsocket.mechanics.problem:Problem.smallest_volume_ratio", (1,)),
     ends("outcomes, first rank", "calfsocket.study.runner:contact_line", (0,)),
     ends("outcomes, second rank", "calfsocket.study.runner:section_fields", (1,)),
     agrees("files, first rank", "calfsocket.study.runner:_write_case", (0,), slow=False),
