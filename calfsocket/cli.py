@@ -22,13 +22,13 @@ from calfsocket.commands import (
     mesh,
     new,
     picture,
+    precompile,
     report,
     run,
     schema,
     show,
     study,
     verify,
-    warm,
 )
 from calfsocket.io.errors import CalfsocketError, InputError
 from calfsocket.parallel.abort import all_are_here, end_all, exit_code, heed_termination
@@ -47,7 +47,7 @@ COMMANDS: dict[str, NamedCommand] = {
     "picture": picture,
     "report": report,
     "verify": verify,
-    "warm": warm,
+    "precompile": precompile,
 }
 
 
@@ -113,12 +113,12 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
-    gathering = MPI.Intracomm(comm.Dup())
+    abort_comm = MPI.Intracomm(comm.Dup())
     heed_termination()
     try:
         return command.run(comm, arguments)
     except InputError as error:
-        if all_are_here(gathering):
+        if all_are_here(abort_comm):
             return _refuse(error, first=comm.rank == 0)
         message, code = f"calfsocket: {error}", BAD_INPUT
     except CalfsocketError as error:
