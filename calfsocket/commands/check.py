@@ -29,16 +29,16 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Verify it, and list the cases."""
     from calfsocket.study.study import Study
 
-    on_first_rank(comm, lambda: print(listing(Study.read(arguments.file).plan), end=""))
+    on_first_rank(comm, lambda: print(listing(arguments.file, Study.read(arguments.file).plan), end=""))
     return OK
 
 
-def listing(plan: "Plan") -> str:
+def listing(path: Path, plan: "Plan") -> str:
     """List the cases, and how their sockets sit on the limb."""
     n = len(plan.cases)
     width = max(len(case.name) for case in plan.cases)
     size = plan.document.model.size
-    lines = [f"{plan.source.file}: {n} case{'s' if n > 1 else ''}, mesh {size}"]
+    lines = [f"{path}: {n} case{'s' if n > 1 else ''}, mesh {size}"]
     lines.append(f"  {'case':{width}}  area lost  touching  deepest overlap  where")
     for case in plan.cases:
         on = case.placement
