@@ -31,7 +31,7 @@ from calfsocket.commands import (
     verify,
 )
 from calfsocket.io.errors import CalfsocketError, InputError
-from calfsocket.parallel.abort import all_are_here, end_all, exit_code, heed_termination
+from calfsocket.parallel.abort import all_arrive, abort_all, exit_code, handle_termination
 
 PROGRAM = "python3 -m calfsocket"
 
@@ -114,11 +114,11 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
 
     comm = MPI.COMM_WORLD
     abort_comm = MPI.Intracomm(comm.Dup())
-    heed_termination()
+    handle_termination()
     try:
         return command.run(comm, arguments)
     except InputError as error:
-        if all_are_here(abort_comm):
+        if all_arrive(abort_comm):
             return _refuse(error, first=comm.rank == 0)
         message, code = f"calfsocket: {error}", BAD_INPUT
     except CalfsocketError as error:
@@ -130,7 +130,7 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
             raise
         message, code = traceback.format_exc(), CASE_FAILED
     if comm.size > 1:
-        end_all(comm, message, code)
+        abort_all(comm, message, code)
     print(message, file=sys.stderr)
     return code
 
