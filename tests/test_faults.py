@@ -87,7 +87,7 @@ TRIALS = (
         "calfsocket.mechanics.problem:Model.force_balance",
     ),
     fails(
-        "an exception in the outcomes",
+        "an exception in the quantities",
         "IndexError: injected",
         "calfsocket.study.runner:section_fields",
         error="IndexError",

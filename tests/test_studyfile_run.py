@@ -19,7 +19,7 @@ STUDY = """
 [study]
 sockets = ["mine"]
 materials = ["soft"]
-outcomes = ["contact_pressure_mean", "contact_share"]
+quantities = ["contact_pressure_mean", "contact_share"]
 [model]
 size = "coarse"
 [sockets.mine]
@@ -30,7 +30,7 @@ like = "combined"
 combined = { file = "both.toml" }
 soleus = { law = "ogden", mu = ["20 kPa"], alpha = [14], nu = 0.495 }
 [[thresholds]]
-outcome = "contact_pressure"
+quantity = "contact_pressure"
 value = "11 kPa"
 [sweep.list]
 model.friction = [0.3]
@@ -58,8 +58,8 @@ def test_the_case_is_solved_with_what_the_file_says(results):
     run = json.loads((results / "run.json").read_text())
     assert list(run["cases"]) == [NAME]
     entry = run["cases"][NAME]
-    assert entry["status"] == "solved" and entry["negative_modes"] == 0
-    assert entry["changes"] == {"model.friction": 0.3} and entry["paper_set"] == "combined"
+    assert entry["status"] == "solved" and entry["checks"]["negative_modes"] == 0
+    assert entry["changes"] == {"model.friction": 0.3} and entry["base_set"] == "combined"
     assert run["laws"]["soft"]["soleus"]["mu"] == [0.02]
     assert run["laws"]["soft"]["muscle"]["d1"] == pytest.approx(1.67)
     contact = pd.read_csv(results / "contact.csv")
@@ -78,12 +78,12 @@ def test_contact_pressure_is_that_of_the_lost_area(results):
         for region in regions
     )
     estimate = 1000 * 0.0164 * 10177 / compliance
-    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "outcome"]).value
+    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "quantity"]).value
     assert summary["skin", "contact_pressure_mean"] == pytest.approx(estimate, rel=0.1)
 
 
 def test_summary_and_sweep_tell_the_threshold(results):
-    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "outcome"]).value
+    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "quantity"]).value
     share = summary["skin", "share_of_contact_pressure_above_11_kPa"]
     assert 0 < share < 100
     (row,) = pd.read_csv(results / "sweep.csv").to_dict("records")

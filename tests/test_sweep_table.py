@@ -28,7 +28,7 @@ def test_a_row_a_case():
         ("A@friction=0.2", "m", "skin", limit.name, 3.0),
         ("B@w=3mm", "m", "skin", "contact_pressure_mean", 20.0),
     ]
-    columns = ["socket", "material_set", "tissue", "outcome", "value"]
+    columns = ["socket", "material_set", "tissue", "quantity", "value"]
     status = {CASES[0].name: "solved", CASES[1].name: "failed", CASES[2].name: "running"}
     made = table(sweep, CASES, status, pd.DataFrame(rows, columns=columns))
     assert list(made.columns) == [

@@ -32,7 +32,7 @@ def to_study(
         Names of the cases to solve; by default the file's choice.
     """
     chosen = file.only if only is None else only
-    sweep = Sweep(plan.parameters, plan.document.study.outcomes, plan.thresholds)
+    sweep = Sweep(plan.parameters, plan.document.study.quantities, plan.thresholds)
     return Study(
         cases=tuple(case for case in plan.cases if not chosen or case.name in chosen),
         settings=plan.settings,

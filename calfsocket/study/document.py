@@ -21,7 +21,7 @@ from calfsocket.study.sockets import SocketEntry
 
 REFERENCE_SOCKETS = ("TC", "TSB", "HS")
 Number = Annotated[float, Field(strict=True)]
-Outcome = Literal[
+Quantity = Literal[
     "contact_pressure_mean",
     "contact_pressure_max",
     "contact_share",
@@ -41,13 +41,13 @@ class StudyTable(Strict):
     limb: File | None = None
     sockets: tuple[Name, ...] = ()
     materials: tuple[Name, ...] = ()
-    outcomes: tuple[Outcome, ...] = (
+    quantities: tuple[Quantity, ...] = (
         "contact_pressure_mean",
         "contact_pressure_max",
         "effective_stress",
     )
 
-    @field_validator("sockets", "materials", "outcomes")
+    @field_validator("sockets", "materials", "quantities")
     @classmethod
     def _once(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for name in value:
@@ -110,9 +110,9 @@ class StepsTable(Strict):
 
 
 class ThresholdTable(Strict):
-    """A level of an outcome; the summary then tells how much of the tissue is beyond it."""
+    """A level of a quantity; the summary then tells how much of the tissue is beyond it."""
 
-    outcome: Literal[tuple(THRESHOLD_UNITS)]  # type: ignore[valid-type]
+    quantity: Literal[tuple(THRESHOLD_UNITS)]  # type: ignore[valid-type]
     tissue: Literal[SUMMARY_TISSUES] = "skin"  # type: ignore[valid-type]
     value: Annotated[str, Field(description="with its unit", examples=["60 kPa", "50 %"])]
 
@@ -122,10 +122,10 @@ class ThresholdTable(Strict):
         return self
 
     def threshold(self) -> Threshold:
-        """Return it in the outcome's unit."""
-        in_percent = THRESHOLD_UNITS[self.outcome] == "%"
+        """Return it in the quantity's unit."""
+        in_percent = THRESHOLD_UNITS[self.quantity] == "%"
         value = 100 * SHARE.parse(self.value) if in_percent else 1e3 * STRESS.parse(self.value)
-        return Threshold(self.outcome, self.tissue, value)
+        return Threshold(self.quantity, self.tissue, value)
 
 
 class CaseTable(Strict):

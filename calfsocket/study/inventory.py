@@ -10,11 +10,12 @@ from calfsocket.simulation.case import Case, Settings, case_laws
 
 
 def about(case: Case) -> dict[str, Any]:
-    """Tell in a case's entry what it is."""
+    """Return what a case's record says of its identity."""
     return {
         "socket": case.socket,
         "material_set": case.material_set,
-        "paper_set": case.paper_set,
+        "of": (case.socket.split("@")[0], case.material_set.split("@")[0]),
+        "base_set": case.paper_set,
         "changes": dict(case.changes),
     }
 

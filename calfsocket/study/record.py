@@ -13,6 +13,7 @@ from calfsocket.io.versions import versions
 from calfsocket.simulation.case import Case
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.profile import PROFILE_FILE
+from calfsocket.simulation.record import CaseRecord
 from calfsocket.study import restart as resume
 from calfsocket.study import sweep_table
 from calfsocket.study.inventory import about, laws_of_sets
@@ -74,13 +75,16 @@ class Ledger:
             "finished": False,
             "seconds": 0.0,
             "cases": earlier["cases"]
-            | {case.name: {**about(case), "status": "running"} for case in self.to_solve},
+            | {
+                case.name: CaseRecord(**about(case)).model_dump(mode="json")
+                for case in self.to_solve
+            },
         }
         self._write()
 
-    def record(self, entry: dict[str, Any]) -> None:
+    def record(self, record: CaseRecord) -> None:
         """Put in how a case ended; a full disk now need not stop the cases that run."""
-        self._content["cases"][entry.pop("name")] = entry
+        self._content["cases"][record.name] = record.model_dump(mode="json")
         try:
             self._write()
         except OSError as error:
@@ -137,15 +141,16 @@ def case_digests(study: "Study", case: Case) -> dict[str, str | None]:
 
 def _cases_table(entries: Mapping[str, Any]) -> pd.DataFrame:
     """Rows of cases.csv: how each case ended, and why."""
+    records = [CaseRecord.model_validate(entry) for entry in entries.values()]
     return pd.DataFrame(
         [
             {
-                "case": name,
-                "status": entry["status"],
-                "load": entry.get("load", ""),
-                "message": entry.get("message", ""),
-                "warnings": "; ".join(entry.get("warnings", [])),
+                "case": record.name,
+                "status": record.status,
+                "load": record.checks.load if record.checks else "",
+                "message": record.message,
+                "warnings": "; ".join(record.warnings),
             }
-            for name, entry in entries.items()
+            for record in records
         ]
     )

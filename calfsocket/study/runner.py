@@ -10,21 +10,20 @@ import pandas as pd
 from petsc4py import PETSc
 
 from calfsocket.io.errors import CalfsocketError, InputError, SolveError, in_one_line
-from calfsocket.io.files import replacing
-from calfsocket.io.tables import FLOAT_FORMAT, merge_csv
+from calfsocket.io.tables import merge_csv
 from calfsocket.io.versions import versions
 from calfsocket.mechanics.stepping import LoadStep, Milestone
 from calfsocket.parallel.progress import Event
 from calfsocket.parallel.scheduler import Farm
-from calfsocket.postprocess import quantities as outcomes
-from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.extract import contact_line, section_fields
-from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.thresholds import threshold_rows
-from calfsocket.postprocess.vtu import write_fields
+from calfsocket.postprocess.thresholds import shares_beyond
 from calfsocket.simulation.case import Case, Run, region_tissues
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
 from calfsocket.simulation.profile import PROFILE_FILE, Profile
+from calfsocket.simulation.record import CaseRecord, Checks
+from calfsocket.simulation.result import STEP_COLUMNS, Result
+from calfsocket.simulation.results import of_case
+from calfsocket.study.inventory import about
 from calfsocket.study.record import KEY, case_digests
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def try_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, Any]:
+def try_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> CaseRecord:
     """Solve a case; where it cannot be, and all ranks of the group know, say why.
 
     Raises
@@ -58,11 +57,11 @@ def try_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, A
         entry = {"status": "failed", "message": message}
         if failure and not isinstance(failure, CalfsocketError):
             entry["traceback"] = traceback.format_exception(failure)
-    return entry
+    return CaseRecord(**about(case), **entry)
 
 
 def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, Any]:
-    """Solve a case on this group of ranks and write its files; return its entry of run.json."""
+    """Solve a case on this group of ranks and write its files; return how it ended."""
     root = farm.group.rank == 0
     rows: list[dict[str, Any]] = []
     profile = Profile() if study.profile else None
@@ -86,10 +85,10 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
         newton = step.newton
         how = "Newton" if newton.converged else f"failed ({newton.reason}) after"
         tell(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load, True)
-        rows.append(_step_row(case, step))
+        rows.append(_step_row(step))
         if root:
             with in_passing(step.load):
-                _merge(study, "steps.csv", pd.DataFrame(rows))
+                _merge(study, "steps.csv", of_case(_steps(rows), case.key))
 
     def on_milestone(milestone: Milestone) -> None:
         with run.phase("checkpoints"), in_passing(milestone.load):
@@ -123,45 +122,44 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
             tell(f"starts anew: {error}", 0.0, True)
     if start is not None:
         tell("goes on from its last equilibrium", start.load, True)
-        rows += [_step_row(case, step) for step in start.steps]
+        rows += [_step_row(step) for step in start.steps]
     if profile:
         profile.start()
     run.solve(start)
     if profile:
         profile.stop()
     checks = run.checks()
-    with run.phase("outcomes"):
+    entry = {
+        "status": "failed" if run.failure else "solved",
+        "message": run.failure,
+        "ranks": farm.group.size,
+        "resumed_from_load": start.load if start else 0.0,
+        "checks": Checks(**checks),
+    }
+    with run.phase("quantities"):
         fields = section_fields(run.model, region_tissues(study.limb))
         line = contact_line(run.model)
     if fields is not None and line is not None:
-        with run.phase("files"):
-            _write_case(study, case, fields, line)
         if rows:
             rows[-1]["negative_modes"] = checks["negative_modes"]
-            _merge(study, "steps.csv", pd.DataFrame(rows))
+        record = CaseRecord(**about(case), seconds=run.seconds, **entry)
+        result = Result(record, fields, line, _steps(rows))
+        with run.phase("files"):
+            _write_case(study, result)
         if study.pictures:
             with run.phase("picture"), attempt(f"no picture of {case.name}"):
-                # Half a second to import, which a study may do without.
-                from calfsocket.plotting import case as picture
-
-                picture.draw(study.out / case.name)
+                result.draw(study.out / case.name)
     if profile and root:
         times = profile.rows(run.seconds)
         times.insert(0, "socket", case.socket)
         times.insert(1, "material_set", case.material_set)
         _merge(study, PROFILE_FILE, times)
     load = float(run.model.contact.load)
-    warnings = run.warnings(checks)
-    text = run.failure or "; ".join(["solved", *warnings])
+    text = run.failure or "; ".join(["solved", *Checks(**checks).warnings])
     tell(text, load, True)
     return {
-        "status": "failed" if run.failure else "solved",
-        "message": run.failure,
-        "warnings": warnings,
-        "ranks": farm.group.size,
-        "gone_on_from_load": start.load if start else 0.0,
+        **entry,
         "seconds": run.seconds,
-        **checks,
         "files": case_digests(study, case) if root else {},
     }
 
@@ -175,26 +173,30 @@ def attempt(what: str) -> Iterator[None]:
         log.warning("%s: %s", what, in_one_line(error))
 
 
-def _write_case(study: "Study", case: Case, fields: SectionFields, line: ContactLine) -> None:
-    folder = study.out / case.name
-    write_fields(folder, fields, case.socket, case.material_set)
-    contact = line.rows(case.socket, case.material_set)
-    with replacing(folder / "contact.csv") as temporary:
-        contact.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
-    _merge(study, "contact.csv", contact)
-    summary = outcomes.summary_rows(fields, line, case.socket, case.material_set)
-    beyond = threshold_rows(fields, line, study.thresholds, case.socket, case.material_set)
-    _merge(study, "summary.csv", pd.concat([summary, beyond]) if len(beyond) else summary)
+def _write_case(study: "Study", result: Result) -> None:
+    """Write a case's own files, and its rows of the tables that cases share."""
+    key = result.record.key
+    result.save(study.out / result.record.name)
+    beyond = shares_beyond(result.quantities, result.line, study.thresholds)
+    summary = result.summary()
+    summary = pd.concat([summary, beyond]) if len(beyond) else summary
+    for name, rows in (
+        ("contact.csv", result.contact), ("summary.csv", summary), ("steps.csv", result.steps)
+    ):  # fmt: skip
+        if len(rows):
+            _merge(study, name, of_case(rows, key))
 
 
 def _merge(study: "Study", name: str, rows: pd.DataFrame) -> None:
     merge_csv(study.out / name, rows, KEY, [case.key for case in study.order])
 
 
-def _step_row(case: Case, step: LoadStep) -> dict[str, Any]:
+def _steps(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=list(STEP_COLUMNS))
+
+
+def _step_row(step: LoadStep) -> dict[str, Any]:
     return {
-        "socket": case.socket,
-        "material_set": case.material_set,
         "step": step.number,
         "load": step.load,
         "converged": step.newton.converged,
@@ -202,5 +204,5 @@ def _step_row(case: Case, step: LoadStep) -> dict[str, Any]:
         "newton_iterations": step.newton.iterations,
         "residual_N_per_mm": step.newton.residual,
         "seconds": step.seconds,
-        "negative_modes": "",
+        "negative_modes": None,
     }

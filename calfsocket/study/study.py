@@ -23,7 +23,7 @@ from calfsocket.parallel.scheduler import Farm
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation import precompile as compilation
 from calfsocket.simulation.case import Case, Settings, region_laws
-from calfsocket.study.inventory import about
+from calfsocket.simulation.record import CaseRecord
 from calfsocket.study.record import FILES, RUN_FILE, Ledger
 from calfsocket.study.runner import try_case
 from calfsocket.study.sweep_table import Sweep
@@ -164,7 +164,7 @@ def run_study(
         console = console or Console(stderr=True)
         reporter = Reporter([case.name for case in cases], console) if ledger else None
 
-        def on_report(message: Event | dict[str, Any]) -> None:
+        def on_report(message: Event | CaseRecord) -> None:
             assert ledger is not None and reporter is not None
             if isinstance(message, Event):
                 reporter.show(message)
@@ -181,8 +181,7 @@ def run_study(
                 cases = longest_first(study, cases)
             while (number := farm.next_case()) is not None:
                 case = cases[number]
-                entry = try_case(farm, study, case, go_on)
-                farm.report({"name": case.name, **about(case), **entry})
+                farm.report(try_case(farm, study, case, go_on))
                 _give_memory_back()
             farm.finish()
     return comm.bcast(ledger.close() if ledger else None, root=0)

@@ -10,17 +10,12 @@ import pandas as pd
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES, UNITS
+from calfsocket.postprocess.quantities import CONTACT_UNITS, SUMMARY_TISSUES, UNITS
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.case import Case
 
 SWEEP_FILE = "sweep.csv"
 
-_CONTACT = {
-    "contact_pressure_mean": "kPa",
-    "contact_pressure_max": "kPa",
-    "contact_share": "%",
-}
 _QUANTITY = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S+)\s*")
 
 
@@ -32,14 +27,14 @@ class Sweep:
     ----------
     parameters : tuple of str
         Dotted names in the study file.
-    outcomes : tuple of str
+    quantities : tuple of str
         Of summary.csv; those of tissues are told for every tissue.
     thresholds : tuple of Threshold
         Their shares are told, too.
     """
 
     parameters: tuple[str, ...]
-    outcomes: tuple[str, ...]
+    quantities: tuple[str, ...]
     thresholds: tuple[Threshold, ...] = ()
 
 
@@ -68,9 +63,9 @@ def table(
         for row, value in zip(rows, values, strict=True):
             row[heading] = value
     results = results_of(summary)
-    for heading, tissue, outcome in _headings(sweep):
+    for heading, tissue, quantity in _headings(sweep):
         for row, case in zip(rows, cases, strict=True):
-            row[heading] = results.get((*case.key, tissue, outcome))
+            row[heading] = results.get((*case.key, tissue, quantity))
     for row, case in zip(rows, cases, strict=True):
         row["status"] = status[case.name]
     return pd.DataFrame(rows)
@@ -101,24 +96,24 @@ def harmless(value: Any) -> Any:
 
 
 def results_of(summary: pd.DataFrame) -> dict[tuple[str, str, str, str], float]:
-    """Values of summary.csv by socket, material set, tissue and outcome."""
+    """Values of summary.csv by socket, material set, tissue and quantity."""
     if summary.empty:
         return {}
-    key = ["socket", "material_set", "tissue", "outcome"]
+    key = ["socket", "material_set", "tissue", "quantity"]
     rows = summary[[*key, "value"]].itertuples(index=False, name=None)
     return {(*map(str, row[:4]),): row[4] for row in rows}  # type: ignore[misc]
 
 
 def _headings(sweep: Sweep) -> list[tuple[str, str, str]]:
-    """List heading, tissue and outcome of every result."""
+    """List heading, tissue and quantity of every result."""
     found = []
-    for outcome in sweep.outcomes:
-        if outcome in _CONTACT:
-            found.append((f"{outcome}_{_unit(_CONTACT[outcome])}", "skin", outcome))
+    for quantity in sweep.quantities:
+        if quantity in CONTACT_UNITS:
+            found.append((f"{quantity}_{_unit(CONTACT_UNITS[quantity])}", "skin", quantity))
             continue
-        tissues = ("vessel",) if outcome == "pressure" else SUMMARY_TISSUES
-        unit = _unit(UNITS[outcome])
-        found += [(f"{tissue}_{outcome}_{unit}", tissue, outcome) for tissue in tissues]
+        tissues = ("vessel",) if quantity == "pressure" else SUMMARY_TISSUES
+        unit = _unit(UNITS[quantity])
+        found += [(f"{tissue}_{quantity}_{unit}", tissue, quantity) for tissue in tissues]
     found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in sweep.thresholds]
     return found
 
