@@ -313,9 +313,9 @@ TRIALS = (
     Trial("a binary material file", a_binary_material, ("fat.toml", "UTF-8")),
     Trial("a material file with a wrong unit", a_material_with_a_wrong_unit, ("fat.toml", "kilo")),
     # Thresholds, steps, sweep
-    Trial("a threshold of an unknown outcome",
+    Trial("a threshold of an unknown quantity",
           GOOD + '[[thresholds]]\noutcome = "pain"\nvalue = "1 kPa"\n',
-          ("thresholds.0.outcome: is 'pain'", "contact_pressure")),
+          ("thresholds.0.quantity: is 'pain'", "contact_pressure")),
     Trial("a threshold of contact in fat",
           GOOD + '[[thresholds]]\noutcome = "contact_pressure"\ntissue = "fat"\nvalue = "1 kPa"\n',
           ("thresholds.0", "tissue is 'fat'", "skin")),

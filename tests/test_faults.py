@@ -86,7 +86,7 @@ TRIALS = (
         "calfsocket.mechanics.problem:Problem.force_balance",
     ),
     fails(
-        "an exception in the outcomes",
+        "an exception in the quantities",
         "IndexError: injected",
         "calfsocket.simulation.simulation:section_fields",
         error="IndexError",

@@ -80,7 +80,7 @@ def test_socket_stores_what_lames_ring_does():
 # -- mesh convergence -----------------------------------------------------------------------------
 
 
-def summaries(*values, outcome="effective_stress", tissue="skin", material="separate", x=(0, 0, 0)):
+def summaries(*values, quantity="effective_stress", tissue="skin", material="separate", x=(0, 0, 0)):
     """One number at three mesh sizes."""
     return {
         size: pd.DataFrame(
@@ -88,7 +88,7 @@ def summaries(*values, outcome="effective_stress", tissue="skin", material="sepa
                 "socket": "TC",
                 "material_set": material,
                 "tissue": tissue,
-                "outcome": outcome,
+                "quantity": quantity,
                 "value": [value],
                 "unit": "kPa",
                 "x_mm": [float(at)],

@@ -104,6 +104,11 @@ def contact_line(model: Model) -> ContactLine | None:
     xi = np.where(flipped[:, None], -on_edge, on_edge)
     arc = chain.arc(np.repeat(np.arange(len(order)), n_points), xi.ravel())
     along = np.argsort(arc)
+    if not np.isclose(weight.sum(), chain.length, rtol=1e-3):
+        raise ValueError(
+            f"the contact points stand for {weight.sum():.6g} mm of skin, whose outline is "
+            f"{chain.length:.6g} mm long"
+        )
     pick = (n_points * order[:, None] + np.arange(n_points)).ravel()[along]
     return ContactLine(
         arc_mm=arc[along],
@@ -115,7 +120,6 @@ def contact_line(model: Model) -> ContactLine | None:
         gap_mm=gap[pick],
         weight_mm=weight[pick],
         status=np.array(STATUS_NAMES)[status[pick]],
-        circumference_mm=chain.length,
     )
 
 

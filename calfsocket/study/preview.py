@@ -149,7 +149,7 @@ def _lines(plan: Plan, drawn: int) -> list[str]:
         f"{settings.steps.largest:g}"
     ]
     lines += [
-        f"threshold: {each.outcome} in {each.tissue} above {each.value:g} {each.unit}"
+        f"threshold: {each.quantity} in {each.tissue} above {each.value:g} {each.unit}"
         for each in plan.thresholds
     ]
     for case in plan.cases[:MOST_LISTED]:

@@ -224,8 +224,8 @@ def _run_checks(folders: Mapping[str, Path]) -> list[Check]:
     for size, folder in folders.items():
         entries = run_entries(folder).values()
         solved = sum(entry["status"] == "solved" for entry in entries)
-        modes = sum(entry["negative_modes"] for entry in entries)
-        force = max(entry["relative_force_imbalance"] for entry in entries)
+        modes = sum(entry["checks"]["negative_modes"] for entry in entries)
+        force = max(entry["checks"]["relative_force_imbalance"] for entry in entries)
         checks += [
             Check(f"{size}: runs at full load", solved, len(entries), "", "count", "exactly"),
             Check(f"{size}: negative modes of all runs", modes, 0, "", "stability", "exactly"),
@@ -245,7 +245,7 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
             f"{name}: last change, worst run",
             float(
                 table.loc[
-                    (table["tissue"] == tissue) & (table["outcome"] == outcome),
+                    (table["tissue"] == tissue) & (table["quantity"] == quantity),
                     f"change_{finest}_pct",
                 ]
                 .abs()
@@ -255,7 +255,7 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
             "%",
             "the mesh before",
         )
-        for (tissue, outcome), name in pressures.items()
+        for (tissue, quantity), name in pressures.items()
     ]
 
 

@@ -13,7 +13,7 @@ from calfsocket.io.errors import SolveError
 from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.postprocess.extract import contact_line, section_fields
-from calfsocket.postprocess.quantities import summary_rows
+from calfsocket.postprocess.quantities import Quantities, summary
 from calfsocket.simulation.case import Case, Run, Settings, region_tissues
 from calfsocket.verification.energy import EnergyBalance, EnergyMeter
 from calfsocket.verification.newton import (
@@ -76,10 +76,10 @@ class LimbPath:
         """Whether it has these steps, and the study's predictor."""
         return self.largest == largest and self.predict == (self.case.material_set == "combined")
 
-    def value(self, tissue: str, outcome: str) -> float:
-        """Value of an outcome at the end."""
+    def value(self, tissue: str, quantity: str) -> float:
+        """Value of a quantity at the end."""
         table = self.summary
-        return float(table[(table.tissue == tissue) & (table.outcome == outcome)]["value"].iloc[0])
+        return float(table[(table.tissue == tissue) & (table.quantity == quantity)]["value"].iloc[0])
 
 
 def follow(case: Case, settings: Settings, largest: float, predict: bool | None = None) -> LimbPath:
@@ -130,7 +130,7 @@ def follow(case: Case, settings: Settings, largest: float, predict: bool | None 
         solves=solves,
         energy=meter.balance(),
         probe=probe_at(model, stepper.solver.x, states[-1] - states[-2]),
-        summary=summary_rows(fields, line, case.socket, case.material_set),
+        summary=summary(Quantities.of(fields), line),
         displacement=fields.displacement,
         negative_modes=stepper.solver.negative_modes(),
     )
@@ -141,7 +141,7 @@ def largest_change(path: LimbPath, other: LimbPath) -> tuple[float, str]:
     before, after = path.summary["value"].to_numpy(), other.summary["value"].to_numpy()
     change = np.abs(np.abs(after) - np.abs(before)) / np.abs(before)
     row = path.summary.iloc[int(np.argmax(change))]
-    return float(change.max()), f"{row.tissue} {row.outcome}"
+    return float(change.max()), f"{row.tissue} {row.quantity}"
 
 
 def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> pd.DataFrame:
