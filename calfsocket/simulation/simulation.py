@@ -2,12 +2,13 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+import pandas as pd
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -18,6 +19,7 @@ from calfsocket.io.versions import versions
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
+from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.section import section_mesh
@@ -29,7 +31,7 @@ from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import Phases, Profile
 from calfsocket.simulation.record import CaseRecord, Checks
-from calfsocket.simulation.result import Result
+from calfsocket.simulation.result import STEP_COLUMNS, Result
 
 Support = Literal["floating", "outer-fixed"]
 SUPPORTS: tuple[Support, ...] = get_args(Support)
@@ -253,7 +255,7 @@ class Simulation:
             seconds=self.phases.seconds,
             checks=checks,
         )
-        return Result(record, fields, line, tuple(stepper.steps))
+        return Result(record, fields, line, steps_table(stepper.steps, checks))
 
 
 def checked_size(size: str | int | MeshSize) -> MeshSize:
@@ -295,6 +297,28 @@ def check(stepper: LoadStepper) -> Checks:
         relative_force_imbalance=imbalance / pressing if pressing else 0.0,
         negative_modes=stepper.newton.negative_modes(),
     )
+
+
+def step_row(step: LoadStep) -> dict[str, Any]:
+    """Return a load step as a row of steps.csv."""
+    return {
+        "step": step.number,
+        "load": step.load,
+        "converged": step.newton.converged,
+        "reason": step.newton.reason,
+        "newton_iterations": step.newton.iterations,
+        "residual_N_per_mm": step.newton.residual,
+        "seconds": step.seconds,
+        "negative_modes": "",
+    }
+
+
+def steps_table(steps: Sequence[LoadStep], checks: Checks | None = None) -> pd.DataFrame:
+    """Return load steps as a table; the negative modes are those of the last equilibrium."""
+    rows = [step_row(step) for step in steps]
+    if rows and checks:
+        rows[-1]["negative_modes"] = checks.negative_modes
+    return pd.DataFrame(rows, columns=list(STEP_COLUMNS))
 
 
 @contextmanager

@@ -17,12 +17,10 @@ from calfsocket.materials.law import Law
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.results import KEY
 from calfsocket.study import restart, sweep_table
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.sweep_table import SWEEP_FILE
-
-KEY = ("socket", "material_set")
-"""Columns that name a case in every table."""
 
 CASES_FILE = "cases.csv"
 CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from mpi4py import MPI
@@ -25,15 +24,16 @@ from calfsocket.io.tables import merge_csv
 from calfsocket.mechanics.stepping import LoadStep, Milestone
 from calfsocket.parallel.progress import Event, Reporter
 from calfsocket.parallel.scheduler import Scheduler
-from calfsocket.postprocess.thresholds import threshold_rows
+from calfsocket.postprocess.thresholds import shares_beyond
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import PROFILE_FILE, Profile
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.simulation import Monitor, Simulation
+from calfsocket.simulation.results import KEY, of_case
+from calfsocket.simulation.simulation import Monitor, Simulation, steps_table
 from calfsocket.study.cases import Case, Plan
-from calfsocket.study.record import KEY, Recorder, case_digests
+from calfsocket.study.record import Recorder, case_digests
 
 log = logging.getLogger(__name__)
 
@@ -138,7 +138,7 @@ class _CaseRunner(Monitor):
 
     def __init__(self, study: Runner, scheduler: Scheduler, case: Case) -> None:
         self._study, self._scheduler, self._case = study, scheduler, case
-        self._steps: list[dict[str, Any]] = []
+        self._steps: list[LoadStep] = []
         self._is_root = scheduler.group.rank == 0
         self._troubles: set[str] = set()
 
@@ -201,26 +201,20 @@ class _CaseRunner(Monitor):
         study, phases = self._study, simulation.phases
         folder = study.out / self._case.name
         with phases("quantities"):
-            shares = threshold_rows(result, study.plan.thresholds)
+            shares = shares_beyond(result.quantities, result.line, study.plan.thresholds)
             summary = pd.concat([result.summary(), shares]) if len(shares) else result.summary()
         with phases("files"):
             result.save(folder)
             self._merge("contact.csv", result.contact)
             self._merge("summary.csv", summary)
-        if self._steps and result.record.checks:
-            self._steps[-1]["negative_modes"] = result.record.checks.negative_modes
-            self._merge("steps.csv", pd.DataFrame(self._steps))
+            self._merge("steps.csv", result.steps)
         if study.pictures:
             with phases("picture"), logged(f"no picture of {self._case.name}"):
-                from calfsocket.plotting import case  # takes half a second
-
-                case.save(result, folder)
+                result.draw(folder)
 
     def _merge(self, name: str, rows: pd.DataFrame) -> None:
         """Put the case's rows into a table that all cases share."""
-        named = rows.drop(columns=[*KEY], errors="ignore")
-        for place, (column, value) in enumerate(zip(KEY, self._case.key, strict=True)):
-            named.insert(place, column, value)
+        named = of_case(rows, self._case.key)
         merge_csv(self._study.out / name, named, KEY, self._study.plan.order)
 
     # -- what the simulation reports ------------------------------------------------------------
@@ -232,7 +226,7 @@ class _CaseRunner(Monitor):
     def resumed(self, start: Milestone) -> None:
         """Show where the case starts, and keep the steps of the earlier run."""
         self._report("resumes from its last equilibrium", start.load)
-        self._steps = [step_row(step) for step in start.steps]
+        self._steps = list(start.steps)
 
     def iteration(self, load: float, number: int, residual: float) -> None:
         """Show an iteration of Newton's method."""
@@ -243,10 +237,10 @@ class _CaseRunner(Monitor):
         newton = step.newton
         how = "Newton" if newton.converged else f"failed ({newton.reason}) after"
         self._report(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load)
-        self._steps.append(step_row(step))
+        self._steps.append(step)
         if self._is_root:
             try:
-                self._merge("steps.csv", pd.DataFrame(self._steps))
+                self._merge("steps.csv", steps_table(self._steps))
             except OSError as error:  # it may be possible at the end
                 text = in_one_line(error)
                 if text not in self._troubles:
@@ -255,20 +249,6 @@ class _CaseRunner(Monitor):
 
     def _report(self, text: str, load: float | None, milestone: bool = True) -> None:
         self._scheduler.report(Event(self._case.name, text, load, milestone))
-
-
-def step_row(step: LoadStep) -> dict[str, Any]:
-    """Return the row of a load step in steps.csv."""
-    return {
-        "step": step.number,
-        "load": step.load,
-        "converged": step.newton.converged,
-        "reason": step.newton.reason,
-        "newton_iterations": step.newton.iterations,
-        "residual_N_per_mm": step.newton.residual,
-        "seconds": step.seconds,
-        "negative_modes": "",
-    }
 
 
 @contextmanager
