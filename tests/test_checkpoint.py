@@ -12,7 +12,8 @@ from mpi4py import MPI
 from calfsocket.io.errors import SolveError, WriteError
 from calfsocket.mechanics.newton import Solver
 from calfsocket.mechanics.stepping import Milestone, StepControl, Stepper
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket
 from calfsocket.simulation.case import Case, Run, Settings
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError
 from ring_checkpoint import CONTROLS
@@ -189,7 +190,7 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_one_before(unbroken, tmp
 @pytest.mark.parametrize("material_set", ["separate", "combined"])
 def test_a_limb_goes_on_as_if_it_had_never_stopped(material_set, tmp_path):
     """The coarse mesh, friction and a waving fascia; steps are cut back and grown on the way."""
-    limb, socket = load_limb(), load_sockets().socket("HS")
+    limb, socket = Limb.reference(), Socket.reference("HS")
     case, settings = Case("HS", material_set), Settings(size="coarse")
 
     def run(save: bool) -> Run:

@@ -10,7 +10,8 @@ import pytest
 import pyvista
 
 from calfsocket import cli
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.simulation.case import Settings
 from calfsocket.study.study import Study, all_cases, longest_first
 
@@ -39,8 +40,10 @@ def summary(results: Path) -> pd.DataFrame:
 
 def test_long_cases_are_given_out_first():
     """HS squeezes the limb most and TSB least; the calf's own tissues take longer than combined."""
-    sockets = load_sockets()
-    study = Study(tuple(all_cases(sockets)), Settings(), load_limb(), sockets, Path("anywhere"))
+    sockets = reference_sockets()
+    study = Study(
+        tuple(all_cases(sockets)), Settings(), Limb.reference(), sockets, Path("anywhere")
+    )
     names = [case.name for case in longest_first(study, study.cases)]
     expected = [f"{socket}_{s}" for socket in ("HS", "TC", "TSB") for s in ("separate", "combined")]
     assert names == expected

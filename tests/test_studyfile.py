@@ -9,14 +9,14 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from geometry import LIMB, SKIN
 
 from calfsocket import cli
 from calfsocket.commands import study as paper_command
 from calfsocket.materials.laws import Hencky, Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
-from calfsocket.meshes import curves, data
-from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
-from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes import curves, limb
+from calfsocket.meshes.socket import NormalOffset, Socket, reference_sockets, resolved
 from calfsocket.simulation.case import Case, Settings, region_laws
 from calfsocket.study import document, reading, schema, variants
 from calfsocket.study.build import to_study
@@ -25,6 +25,7 @@ from calfsocket.study.plan import Plan
 from calfsocket.study.study import all_cases
 
 STUDIES = Path(document.__file__).parent / "data"
+RING = tuple((55 * np.cos(t), 55 * np.sin(t)) for t in np.arange(0, 6, 0.5))
 
 
 @pytest.fixture
@@ -48,9 +49,9 @@ def names(plan: Plan) -> list[str]:
 
 def test_the_papers_study_is_its_six_runs_with_the_papers_settings():
     plan = reading.paper_study().plan()
-    assert plan.cases == tuple(all_cases(load_sockets()))
+    assert plan.cases == tuple(all_cases(reference_sockets()))
     assert plan.settings == Settings()
-    assert plan.shapes == {} and plan.thresholds == ()
+    assert plan.sockets == reference_sockets() and plan.thresholds == ()
 
 
 def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
@@ -60,7 +61,7 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     parser = cli._parser("", paper_command)
     study = paper_command._study(parser.parse_all(words))
     assert [case.name for case in study.cases] == ["HS_separate", "HS_combined"]
-    assert study.known == tuple(all_cases(load_sockets()))
+    assert study.known == tuple(all_cases(reference_sockets()))
     assert study.settings.size == "coarse" and study.settings.contact.fric_coeff == 0.3
     assert study.settings.materials == {"fat": Hencky(0.003, 0.4)}
     assert study.origin["content"]["model"]["friction"] == 0.3
@@ -86,7 +87,7 @@ def test_the_example_passes_check_and_states_the_defaults(tmp_path, monkeypatch,
     assert cli.main(["check", "my.toml"]) == 0
     assert "4 cases" in capsys.readouterr().out
     content = tomllib.loads(reading.example())
-    checked = document.Document.model_validate(content)
+    checked = reading.read_study(Path("my.toml")).plan().document
     assert content["model"].keys() | {"gamma", "gamma_t"} == document.ModelTable.model_fields.keys()
     assert content["steps"].keys() == document.StepsTable.model_fields.keys()
     assert checked.model == document.ModelTable() and checked.steps == document.StepsTable()
@@ -101,7 +102,11 @@ def test_every_remark_of_the_example_can_be_used():
     assert content.keys() == document.Document.model_fields.keys()
     assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
-    document.Document.model_validate(content)
+    tables = {
+        name: resolved(table, reference_sockets(), lambda _: RING)
+        for name, table in content["sockets"].items()
+    }
+    document.Document.model_validate(content | {"sockets": tables})
     jsonschema.validate(content, json.loads(schema.schema_text()))
 
 
@@ -150,7 +155,7 @@ def test_numbers_with_units_reach_the_socket(plan):
         """
     )
     (case,) = made.cases
-    shape = made.shapes["a"]
+    shape = made.sockets["a"]
     assert isinstance(shape, NormalOffset)
     assert (shape.base, shape.wall_thickness, shape.bumps[0].amplitude) == (0.5, 3.0, 0.5)
     assert shape.bumps[0].center == pytest.approx(180)
@@ -165,16 +170,14 @@ def test_a_socket_like_another_keeps_what_is_not_named(plan):
         '[study]\nsockets = ["mine", "TSB"]\nmaterials = ["combined"]\n'
         '[sockets.mine]\nlike = "HS"\narea_reduction = "3 %"\n'
     )
-    reference = load_sockets().sockets["HS"]
-    assert made.shapes == {"mine": reference.model_copy(update={"area_reduction": 0.03})}
+    reference = Socket.reference("HS")
+    assert made.sockets["mine"] == reference.model_copy(update={"area_reduction": 0.03})
     assert made.placements["mine"].area_reduction == pytest.approx(0.03, abs=1e-6)
     assert made.cases[1] == Case("TSB", "combined")  # as in the paper's study
 
 
 def test_an_outline_is_read_from_beside_the_study(tmp_path):
-    limb = load_limb()
-    skin = limb_curves(limb)[limb.contact_boundary]
-    inner = curves.offset(skin, lambda points: np.full(len(points), -1.0))
+    inner = curves.offset(SKIN, lambda points: np.full(len(points), -1.0))
     rows = [f"{x:.6f}, {y:.6f}" for x, y in inner.evaluate(inner.sample(4.0))]
     (tmp_path / "inner.csv").write_text("x, y\n" + "\n".join(rows))
     path = tmp_path / "study.toml"
@@ -184,11 +187,11 @@ def test_an_outline_is_read_from_beside_the_study(tmp_path):
     )
     file = reading.read_study(path)
     made = file.plan()
-    shape = made.shapes["a"]
+    shape = made.sockets["a"]
     assert [f"{x:.6f}, {y:.6f}" for x, y in shape.points] == rows
     assert shape.shift == (0.3, -0.2) and shape.rotation == 1
     # 1 mm off all round takes 1 mm of the perimeter; turned and moved it encloses the same.
-    lost = skin.perimeter / skin.area
+    lost = SKIN.perimeter / SKIN.area
     assert made.placements["a"].area_reduction == pytest.approx(lost, rel=0.02)
     record = file.files.record["inner.csv"]
     assert len(record["content"]) == len(rows) and len(record["sha256"]) == 64
@@ -213,16 +216,15 @@ def test_laws_by_tissue_and_by_region(plan):
         vessel = { law = "hencky", e = "12 kPa", nu = 0.49 }
         """
     )
-    limb = load_limb()
     own, shared, paper = (
-        region_laws(case, case.settings or made.settings, limb) for case in made.cases
+        region_laws(case, case.settings or made.settings, LIMB) for case in made.cases
     )
     assert own["subcutaneous_fat"] == Ogden((0.002,), (2.0,), 10.0)
     assert own["soleus"] == Hencky(0.03, 0.45) != own["tibialis_anterior"]
     assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
     assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(0.012, 0.49)
-    laws = laws_of_sets(made.cases, made.settings, limb)
+    laws = laws_of_sets(made.cases, made.settings, LIMB)
     assert list(laws) == ["separate", "combined", "own", "shared"]
     assert laws["own"]["soleus"]["e"] == 0.03 and "soleus" not in laws["shared"]
 
@@ -238,7 +240,7 @@ def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
 
 
 def test_another_limb_is_read_from_beside_the_study(tmp_path):
-    calf = json.loads(Path(data.__file__).with_name("calf.json").read_text())
+    calf = json.loads(Path(limb.__file__).with_name("calf.json").read_text())
     calf["title"] = "another"
     (tmp_path / "limb.json").write_text(json.dumps(calf))
     path = tmp_path / "study.toml"
@@ -277,7 +279,7 @@ def test_a_grid_makes_a_case_of_each_combination_that_reaches_it(plan):
     wanted += [f"{socket}_{s}" for s in ("separate", "soft") for socket in mine]
     assert names(made) == wanted
     assert made.parameters == ("model.friction", "sockets.mine.wall_thickness")
-    assert made.shapes["mine@friction=0.2,wall_thickness=5mm"].wall_thickness == 5
+    assert made.sockets["mine@friction=0.2,wall_thickness=5mm"].wall_thickness == 5
     frictions = {case.name: (case.settings or made.settings).contact for case in made.cases}
     assert {c.fric_coeff for n, c in frictions.items() if "friction=0.2" in n} == {0.2}
 
@@ -347,7 +349,7 @@ def test_names_lead_into_lists(plan):
         'bumps = [{ center = "0 deg", width = "20 deg", amplitude = "1 mm" }]')
         + '[sweep.grid]\nsockets.mine.bumps.0.amplitude = ["1 mm", "2 mm"]\n'
     )  # fmt: skip
-    assert made.shapes["mine@amplitude=2mm"].bumps[0].amplitude == 2.0
+    assert made.sockets["mine@amplitude=2mm"].bumps[0].amplitude == 2.0
 
 
 # ----- check and show

@@ -10,7 +10,7 @@ import pytest
 
 from calfsocket import cli
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.study.build import to_study
 from calfsocket.study.reading import read_study
 from calfsocket.study.study import check_folder
@@ -72,7 +72,7 @@ def test_contact_pressure_is_that_of_the_lost_area(results):
     of_soleus = 2 * 0.020 * 1.495 / (3 * 0.01)  # MPa; muscle and fascia else 2/1.67
     fat, skin, vessel = 2 / 11.8, 2 / 0.0912, 0.010 / 0.06
     bulk = {"skin": skin, "fat": fat, "muscle": 2 / 1.67, "fascia": 2 / 1.67, "vessel": vessel}
-    regions = [region for region in load_limb().regions if region.tissue != "bone"]
+    regions = [region for region in Limb.reference().regions if region.tissue != "bone"]
     compliance = sum(
         region.area / (of_soleus if region.name == "soleus" else bulk[region.tissue])
         for region in regions

@@ -28,7 +28,8 @@ from calfsocket import cli
 from calfsocket.commands import CASE_FAILED, OK
 from calfsocket.io import errors
 from calfsocket.meshes import section, tags
-from calfsocket.meshes.data import Limb, Sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Bump, NormalOffset
 from calfsocket.simulation import precompile as compilation
 from calfsocket.simulation.case import Case, Settings
 from calfsocket.study.study import Study, check_folder, run_study
@@ -67,23 +68,13 @@ def tiny_limb() -> Limb:
     )
 
 
-def tiny_sockets() -> Sockets:
+def tiny_sockets() -> dict[str, NormalOffset]:
     """Three that press more and more, on one side."""
-    return Sockets.model_validate(
-        {
-            "units": "mm, deg",
-            "wall_thickness": 2.0,
-            "sockets": {
-                name: {
-                    "title": name,
-                    "law": "normal_offset",
-                    "base": base,
-                    "bumps": [{"center": 40, "width": 25, "amplitude": 0.15}],
-                }
-                for name, base in (("A", 0.1), ("B", 0.15), ("C", 0.2))
-            },
-        }
-    )
+    bump = Bump(center=40, width=25, amplitude=0.15)
+    return {
+        name: NormalOffset(title=name, wall_thickness=2.0, base=base, bumps=(bump,))
+        for name, base in (("A", 0.1), ("B", 0.15), ("C", 0.2))
+    }
 
 
 def tiny_study(

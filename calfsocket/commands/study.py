@@ -96,7 +96,7 @@ def _study(arguments: argparse.Namespace) -> "Study":
     from calfsocket.study.study import MATERIAL_SETS, select
 
     paper = paper_study()
-    sockets = select(arguments.sockets.split(","), list(paper.reference.sockets), "--sockets")
+    sockets = select(arguments.sockets.split(","), list(paper.reference), "--sockets")
     sets: list[Any] = select(arguments.materials.split(","), MATERIAL_SETS, "--materials")
     shared = options.model_settings(arguments, sets)  # refuses what is wrong, by its option
     model = {

@@ -15,9 +15,10 @@ from calfsocket.materials.tissues import FasciaC10, MaterialSet, material_set
 from calfsocket.mechanics.problem import Model, SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, Milestone, StepControl, Stepper
 from calfsocket.meshes import tags
-from calfsocket.meshes.data import Limb, Socket
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import Socket
 
 GAP_TOLERANCE = 1e-2
 """Largest gap in mm that a result may have where there is contact."""

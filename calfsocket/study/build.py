@@ -41,7 +41,6 @@ def to_study(
         out=Path(plan.document.study.out) if out is None else out,
         pictures=pictures,
         known=plan.cases,
-        shapes=plan.shapes,
         thresholds=plan.thresholds,
         sweep=sweep if plan.parameters else None,
         origin={

@@ -13,11 +13,11 @@ from calfsocket.materials.tissues import MATERIAL_SETS, FasciaC10
 from calfsocket.mechanics.problem import SocketSupport
 from calfsocket.mechanics.stepping import StepControl
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import SocketTable
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
 from calfsocket.study.materials import LawOrFile, MaterialSetEntry
 from calfsocket.study.quantities import File, Name
-from calfsocket.study.sockets import SocketEntry
 
 REFERENCE_SOCKETS = ("TC", "TSB", "HS")
 Number = Annotated[float, Field(strict=True)]
@@ -156,7 +156,7 @@ class Document(Strict):
     study: StudyTable = Field(default_factory=StudyTable)
     model: ModelTable = Field(default_factory=ModelTable)
     steps: StepsTable = Field(default_factory=StepsTable)
-    sockets: dict[Name, SocketEntry] = Field(default_factory=dict)
+    sockets: dict[Name, SocketTable] = Field(default_factory=dict)
     materials: dict[Name, MaterialSetEntry] = Field(default_factory=dict)
     laws: dict[str, LawOrFile] = Field(
         default_factory=dict,

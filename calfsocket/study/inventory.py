@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from calfsocket.materials.tissues import MATERIAL_SETS
-from calfsocket.meshes.data import Limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.simulation.case import Case, Settings, case_laws
 
 

@@ -3,7 +3,7 @@
 import difflib
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,10 +11,11 @@ from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.laws import Law
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet, materials_of
+from calfsocket.materials.tissues import MATERIAL_SETS, SOCKET, MaterialSet, materials_of
 from calfsocket.mechanics.stepping import StepControl
-from calfsocket.meshes.data import Limb, Shape, Sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
+from calfsocket.meshes.socket import AnySocket, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.case import Case, Settings, case_laws
 from calfsocket.study import parameters as changes
@@ -38,10 +39,8 @@ class Plan:
         Shared by all cases that have none of their own.
     cases : tuple of Case
         In the order of the file.
-    sockets : Sockets
-        TC, TSB and HS.
-    shapes : mapping of str to Shape
-        The other sockets of the cases.
+    sockets : mapping of str to Socket
+        Those of the cases, and TC, TSB and HS.
     limb : Limb
         The section.
     placements : mapping of str to Placement
@@ -55,8 +54,7 @@ class Plan:
     document: Document
     settings: Settings
     cases: tuple[Case, ...]
-    sockets: Sockets
-    shapes: Mapping[str, Shape]
+    sockets: Mapping[str, AnySocket]
     limb: Limb
     placements: Mapping[str, Placement]
     thresholds: tuple[Threshold, ...]
@@ -87,7 +85,7 @@ class Planner:
         What the file may name.
     limb : Limb
         The section.
-    reference : Sockets
+    reference : mapping of str to Socket
         TC, TSB and HS.
 
     Raises
@@ -102,7 +100,7 @@ class Planner:
         content: Mapping[str, Any],
         files: Files,
         limb: Limb,
-        reference: Sockets,
+        reference: Mapping[str, AnySocket],
     ) -> None:
         self._path, self._content, self._files = path, content, files
         self._limb, self._reference = limb, reference
@@ -122,7 +120,7 @@ class Planner:
         labels = Labels([*swept, *(name for each in asked for name in each.changes)], points)
         shared = self._settings(document)
         cases: dict[tuple[str, str], Case] = {}
-        shapes: dict[str, Shape] = {}
+        sockets = dict(self._reference)
         seen: set[tuple[_Asked, str]] = set()
         for each in asked:
             for number, point in enumerate(points, 1):
@@ -131,14 +129,14 @@ class Planner:
                 if done in seen:
                     continue
                 seen.add(done)
-                case, shape = self._case(each, own, point, number, labels, shared)
+                case, socket = self._case(each, own, point, number, labels, shared)
                 if case.key in cases:
                     raise InputError(
                         f"{self._path}: {each.place}: two cases would be called {case.name}; "
                         "give each a label of its own"
                     )
                 cases[case.key] = case
-                shapes[case.socket] = shape
+                sockets[case.socket] = socket
                 if len(cases) > MOST_CASES:
                     raise InputError(
                         f"{self._path}: more than {MOST_CASES} cases; make several studies"
@@ -150,14 +148,12 @@ class Planner:
                     f"{self._path}: sweep: {name} reaches no case; add its socket or material set "
                     "to the study, or leave it out"
                 )
-        shapes = {k: v for k, v in shapes.items() if k not in self._reference.sockets}
-        placements = self._placements(cases.values(), shapes)
+        placements = self._placements(cases.values(), sockets)
         return Plan(
             document=document,
             settings=shared,
             cases=tuple(cases.values()),
-            sockets=self._reference,
-            shapes=shapes,
+            sockets=sockets,
             limb=self._limb,
             placements=placements,
             thresholds=tuple(each.threshold() for each in document.thresholds),
@@ -236,8 +232,18 @@ class Planner:
             with error_context(self._path, place):
                 content = changes.applied(self._content, own)
             origin = f"{place}: with {_words(own)}: " if own else ""
+            if isinstance(content.get("sockets"), dict):
+                content["sockets"] = {
+                    name: self._resolved(table, f"{origin}sockets.{name}")
+                    for name, table in content["sockets"].items()
+                }
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
+
+    def _resolved(self, table: Any, place: str) -> Any:
+        """Return a socket's table as its class has it."""
+        with error_context(self._path, place):
+            return resolved(table, self._reference, self._files.outline)
 
     def _case(
         self,
@@ -247,7 +253,7 @@ class Planner:
         number: int,
         labels: Labels,
         shared: Settings,
-    ) -> tuple[Case, Shape]:
+    ) -> tuple[Case, AnySocket]:
         place = "sweep" if any(name in own for name in point) else asked.place
         document = self._document(own, place)
         if own:
@@ -258,8 +264,10 @@ class Planner:
         socket = _joined(asked.socket, asked.label, labels.of(to_socket, number))
         materials = _joined(asked.materials, labels.of(to_set, number))
         entry = document.materials.get(asked.materials)
-        shape, wall = self._socket(document, asked.socket)
-        settings = self._settings(document, entry, wall)
+        shape = document.sockets.get(asked.socket) or self._reference[asked.socket]
+        wall = shape.elasticity()
+        own_wall = {"socket": replace(SOCKET, **wall)} if wall else {}
+        settings = self._settings(document, entry, own_wall)
         self._check_room(asked, entry, settings)
         case = Case(
             socket=socket,
@@ -269,16 +277,6 @@ class Planner:
             changes=dict(own),
         )
         return case, shape
-
-    def _socket(self, document: Document, name: str) -> tuple[Shape, dict[str, Law]]:
-        """Return a socket's shape, and the law of its wall where it has one of its own."""
-        if name in REFERENCE_SOCKETS:
-            return self._reference.sockets[name], {}
-        entry = document.sockets[name]
-        with error_context(self._path, f"sockets.{name}"):
-            shape = entry.shape(self._files, self._reference.sockets)
-            law = entry.material()
-        return shape, {"socket": law} if law else {}
 
     def _settings(
         self,
@@ -330,22 +328,16 @@ class Planner:
                 )
 
     def _placements(
-        self, cases: Iterable[Case], shapes: Mapping[str, Shape]
+        self, cases: Iterable[Case], sockets: Mapping[str, AnySocket]
     ) -> dict[str, Placement]:
         """Measure how each socket sits on the limb, and refuse one that does not."""
-        sockets = self._reference.model_copy(
-            update={"sockets": {**self._reference.sockets, **shapes}}
-        )
-        of_shape: dict[str, Placement] = {}
-        found: dict[str, Placement] = {}
+        of_socket: dict[AnySocket, Placement] = {}
         for case in cases:
-            socket = sockets.socket(case.socket)
-            shape = socket.model_dump_json(exclude={"name"})
-            if shape not in of_shape:
+            socket = sockets[case.socket]
+            if socket not in of_socket:
                 with error_context(self._path, f"sockets.{case.socket.split('@')[0]}"):
-                    of_shape[shape] = check_placement(socket, self._limb)
-            found[case.socket] = of_shape[shape]
-        return found
+                    of_socket[socket] = check_placement(socket, self._limb)
+        return {case.socket: of_socket[sockets[case.socket]] for case in cases}
 
 
 def _words(own: Changes) -> str:

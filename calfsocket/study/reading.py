@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import check_readable, checked, read_text, read_toml
-from calfsocket.meshes.data import Limb, Sockets, load_limb, load_sockets
+from calfsocket.io.schema import checked, read_text, read_toml
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import AnySocket, Sockets, reference_sockets
 from calfsocket.study.document import REFERENCE_SOCKETS
 from calfsocket.study.files import Files, sha256
 from calfsocket.study.plan import Plan, Planner
@@ -30,7 +31,7 @@ class StudyFile:
         What it names.
     limb : Limb
         The section.
-    reference : Sockets
+    reference : mapping of str to Socket
         TC, TSB and HS.
     sha256 : mapping of str to str
         Hashes of the files read so far.
@@ -44,7 +45,7 @@ class StudyFile:
     content: Mapping[str, Any]
     files: Files
     limb: Limb
-    reference: Sockets
+    reference: Mapping[str, AnySocket]
     sha256: Mapping[str, str]
     only: tuple[str, ...] = ()
     petsc_options: Mapping[str, str] = field(default_factory=dict)
@@ -84,14 +85,11 @@ def read_study(path: Path) -> StudyFile:
     hashes = {path.name: sha256(path)}
     table = content.get("study")
     name = table.get("limb") if isinstance(table, dict) else None
-    limb_path = None
+    limb = Limb.reference()
     if isinstance(name, str):
-        limb_path = path.parent / name
-        check_readable(limb_path)
-        hashes[name] = sha256(limb_path)
-    return StudyFile(
-        path, content, Files(path.parent), load_limb(limb_path), load_sockets(), sha256=hashes
-    )
+        limb = Limb.read(path.parent / name)
+        hashes[name] = sha256(path.parent / name)
+    return StudyFile(path, content, Files(path.parent), limb, reference_sockets(), sha256=hashes)
 
 
 def paper_study() -> StudyFile:
@@ -110,18 +108,13 @@ def _of_run(path: Path) -> StudyFile:
     run = _parsed_json(path)
     try:
         study = run["study"]
-        reference = dict(run["sockets"])
-        reference["sockets"] = {
-            name: shape
-            for name, shape in run["sockets"]["sockets"].items()
-            if name in REFERENCE_SOCKETS
-        }
+        reference = {"sockets": {name: run["sockets"][name] for name in REFERENCE_SOCKETS}}
         return StudyFile(
             path=path,
             content=dict(study["content"]),
             files=Files(path.parent, dict(study["files"])),
             limb=checked(path, run["limb"], Limb),
-            reference=checked(path, reference, Sockets),
+            reference=checked(path, reference, Sockets, units_required=False).sockets,
             sha256={path.name: sha256(path), **study["sha256"]},
             only=tuple(run["cases"]),
             petsc_options=_harmless(path, dict(run["petsc_options"])),

@@ -70,7 +70,10 @@ class Ledger:
             "inputs": inputs,
             "laws": laws_of_sets(study.order, study.settings, study.limb),
             "limb": study.limb.model_dump(mode="json"),
-            "sockets": study.all_sockets.model_dump(mode="json", exclude_none=True),
+            "sockets": {
+                name: socket.model_dump(mode="json", exclude_none=True)
+                for name, socket in study.sockets.items()
+            },
             "finished": False,
             "seconds": 0.0,
             "cases": earlier["cases"]

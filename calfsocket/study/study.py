@@ -4,7 +4,7 @@ import ctypes
 import gc
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,8 +16,9 @@ from rich.console import Console
 from calfsocket.io.errors import CalfsocketError, InputError
 from calfsocket.materials.laws import ogden_terms
 from calfsocket.materials.tissues import MATERIAL_SETS
-from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import check_placement
+from calfsocket.meshes.socket import AnySocket
 from calfsocket.parallel.progress import Event, Reporter
 from calfsocket.parallel.scheduler import Farm
 from calfsocket.postprocess.thresholds import Threshold
@@ -39,8 +40,10 @@ class Study:
         In the order of the result tables.
     settings : Settings
         Shared by all that have none of their own.
-    limb, sockets
-        Geometry: the section, and the sockets of the reference data.
+    limb : Limb
+        The section.
+    sockets : mapping of str to Socket
+        All sockets of the cases.
     out : Path
         Folder of the results.
     pictures : bool
@@ -50,8 +53,6 @@ class Study:
     known : tuple of Case
         All cases that a folder of this study may hold, `cases` among them, in the order of the
         result tables; by default every socket of the reference data with every set of the paper.
-    shapes : mapping of str to Shape
-        Sockets beside those of the reference data.
     thresholds : tuple of Threshold
         What the summary tells besides.
     sweep : Sweep, optional
@@ -63,12 +64,11 @@ class Study:
     cases: tuple[Case, ...]
     settings: Settings
     limb: Limb
-    sockets: Sockets
+    sockets: Mapping[str, AnySocket]
     out: Path
     pictures: bool = True
     profile: bool = False
     known: tuple[Case, ...] = ()
-    shapes: Mapping[str, Shape] = field(default_factory=dict)
     thresholds: tuple[Threshold, ...] = ()
     sweep: Sweep | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
@@ -78,14 +78,9 @@ class Study:
         """All cases that the folder may hold, in the order of the tables."""
         return self.known or tuple(all_cases(self.sockets))
 
-    @property
-    def all_sockets(self) -> Sockets:
-        """Sockets of the reference data and the study's own."""
-        return self.sockets.model_copy(update={"sockets": {**self.sockets.sockets, **self.shapes}})
-
-    def socket(self, case: Case) -> Socket:
+    def socket(self, case: Case) -> AnySocket:
         """Socket of a case."""
-        return self.all_sockets.socket(case.socket)
+        return self.sockets[case.socket]
 
     def settings_of(self, case: Case) -> Settings:
         """Give the settings of a case: its own, or those that all share."""
@@ -96,7 +91,6 @@ class Study:
         return {
             "settings": asdict(self.settings),
             "limb": _fingerprint(self.limb.model_dump_json()),
-            "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
             "thresholds": [asdict(threshold) for threshold in self.thresholds],
             "cases": {case.name: self.fingerprint(case) for case in self.order},
         }
@@ -207,7 +201,7 @@ def longest_first(study: Study, cases: Sequence[Case]) -> list[Case]:
     """
     sockets = {case.socket: study.socket(case) for case in cases}
     squeezed = {
-        name: check_placement(socket, study.limb).squeezed for name, socket in sockets.items()
+        name: check_placement(socket, study.limb, name).squeezed for name, socket in sockets.items()
     }
     return sorted(cases, key=lambda case: (-squeezed[case.socket], case.paper_set == "combined"))
 
@@ -249,9 +243,9 @@ def check_folder(study: Study, overwrite: bool) -> None:
         )
 
 
-def all_cases(sockets: Sockets) -> list[Case]:
+def all_cases(sockets: Iterable[str]) -> list[Case]:
     """Every socket with every material set, in the order of the tables."""
-    return [Case(socket, name) for socket in sockets.sockets for name in MATERIAL_SETS]
+    return [Case(socket, name) for socket in sockets for name in MATERIAL_SETS]
 
 
 def _fingerprint(text: str) -> str:

@@ -44,9 +44,10 @@ from calfsocket.contact.nitsche import ContactParameters, ContactState
 from calfsocket.mechanics.problem import Model, SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
 from calfsocket.meshes import tags
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import Socket
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
 from calfsocket.postprocess.quantities import running_mean, summary_rows
@@ -150,8 +151,9 @@ def fit(
     support : str
         Whether the socket floats.
     """
-    limb, laws, tissues = load_limb(), case_laws(case, Settings()), region_tissues(load_limb())
-    section = section_mesh(MPI.COMM_SELF, limb, load_sockets().socket(case.socket), mesh_size(size))
+    limb, laws = Limb.reference(), case_laws(case, Settings())
+    tissues = region_tissues(limb)
+    section = section_mesh(MPI.COMM_SELF, limb, Socket.reference(case.socket), mesh_size(size))
     model = PATHS[path](
         section, {name: laws[tissues[name]] for name in section.regions}, contact, support
     )
