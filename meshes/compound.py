@@ -11,8 +11,8 @@ from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from calfsocket.io.schema import Strict, read_json
 from calfsocket.meshes import gmsh_model, tags
-from calfsocket.meshes.data import Units
 from calfsocket.meshes.distributed import SectionMesh, distribute
+from calfsocket.meshes.limb import Units
 from calfsocket.meshes.plate import Plate, add_fillets, add_plate
 from calfsocket.meshes.sizing import MeshSize
 from calfsocket.meshes.smoothing import smooth

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.curves import Array
-from calfsocket.meshes.data import SAME_POINT
-from calfsocket.meshes.loops import self_crossing
+from calfsocket.meshes.curves import SAME_POINT, Array, self_crossing, xy
 
 #: Pieces are joined where their ends are at most this far apart, mm.
 JOINT = 0.01
@@ -127,7 +125,7 @@ class Drawn:
             nearest = int(np.argmin(np.linalg.norm(self.points - crossing, axis=1)))
             raise InputError(
                 f"{self.path}, {self.places[nearest]}: the outline crosses or touches itself near"
-                f" {_at(crossing)}; give its points in order, once round"
+                f" {xy(crossing)}; give its points in order, once round"
             )
 
     def _check_turns(self) -> None:
@@ -139,15 +137,9 @@ class Drawn:
         if turn[sharpest] > MAX_TURN + 1e-6:  # twelve points on a circle turn by 30 degrees
             raise InputError(
                 f"{self.path}, {self.places[sharpest]}: the outline turns by"
-                f" {turn[sharpest]:.0f} degrees at {_at(self.points[sharpest])}; up to"
+                f" {turn[sharpest]:.0f} degrees at {xy(self.points[sharpest])}; up to"
                 f" {MAX_TURN:g} can be followed smoothly: round the corner off, or give more points"
             )
-
-
-def _at(point: Array) -> str:
-    """Return a point as people read it."""
-    x, y = np.round(point, 2) + 0.0  # no -0
-    return f"({x:.2f}, {y:.2f}) mm"
 
 
 def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: str = "") -> None:
@@ -220,13 +212,13 @@ def _loop(path: Path, pieces: Sequence[Piece], ends: Array, free: NDArray[np.boo
         if len(meeting) + (opening <= JOINT) > 1:
             raise InputError(
                 f"{path}, {loop[-1].place}: meets {pieces[meeting[0]].place} and others at"
-                f" {_at(tip)}; keep one outline without branches"
+                f" {xy(tip)}; keep one outline without branches"
             )
         if opening <= JOINT:
             return loop
         if not len(meeting):
             raise InputError(
-                f"{path}, {loop[-1].place}: the outline is open at {_at(tip)}: the nearest end is"
+                f"{path}, {loop[-1].place}: the outline is open at {xy(tip)}: the nearest end is"
                 f" {min(opening, gaps.min()):.3g} mm away; close it, to {JOINT} mm"
             )
         (following,) = meeting

@@ -15,8 +15,7 @@ import svgelements
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
-from calfsocket.meshes.curves import Array
-from calfsocket.meshes.data import SAME_POINT
+from calfsocket.meshes.curves import SAME_POINT, Array
 from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")

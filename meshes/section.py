@@ -13,14 +13,13 @@ from scipy.optimize import minimize_scalar
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, sizing, tags
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.data import Limb, Socket, Sockets, load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
-from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.plate import Plate, add_plate
 from calfsocket.meshes.quality import quality_table
 from calfsocket.meshes.sizing import MeshSize, SizeField
 from calfsocket.meshes.smoothing import smooth
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.socket import Socket
 from calfsocket.meshes.triangles import TriangleMesh
 
 
@@ -54,26 +53,17 @@ def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
     return size.for_triangles(count)
 
 
-def write_section(
-    path: Path | str,
-    socket_name: str,
-    size_name: str,
-    limb: Limb | None = None,
-    sockets: Sockets | None = None,
-) -> pd.DataFrame:
+def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
     """Write the mesh, with its names, as a gmsh file; return the table of `quality_table`.
 
-    The limb and the sockets are those of the package unless others are given. The file appears
-    whole or not at all, and the same input gives the same bytes.
+    The file appears whole or not at all, and the same input gives the same bytes.
     """
     path = Path(path)
-    limb = limb or load_limb()
-    socket = (sockets or load_sockets()).socket(socket_name)
-    size = final_size(limb, socket, sizing.mesh_size(size_name))
     if path.suffix != ".msh":
         raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
+    size = final_size(limb, socket, size)
     with gmsh_model.session("section"), tempfile.TemporaryDirectory(dir=path.parent) as folder:
         generate(limb, socket, size)
         mesh = smooth(gmsh_model.extract())
@@ -81,7 +71,7 @@ def write_section(
         unfinished = Path(folder) / path.name
         gmsh.write(str(unfinished))
         unfinished.replace(path)
-    inner, outer = socket_faces(socket, limb_curves(limb)[limb.contact_boundary])
+    inner, outer = socket.faces(limb_curves(limb)[limb.contact_boundary])
     return quality_table(
         mesh,
         {region.name: region.tissue for region in limb.regions} | {tags.SOCKET: tags.SOCKET},
@@ -96,7 +86,7 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
     The nodes are gmsh's, before `smooth`.
     """
     loops = limb_curves(limb)
-    inner, outer = socket_faces(socket, loops[limb.contact_boundary])
+    inner, outer = socket.faces(loops[limb.contact_boundary])
     surfaces, boundaries = _add_limb(limb, loops)
     inner_edge, outer_edge = gmsh_model.add_loop(inner), gmsh_model.add_loop(outer)
     socket_surface = gmsh_model.add_region(outer_edge, [inner_edge])

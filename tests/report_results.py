@@ -10,7 +10,8 @@ import pandas as pd
 
 from calfsocket.io.files import write_json
 from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.thresholds import Threshold, shares_beyond
@@ -194,8 +195,8 @@ def write_results(
         "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
         "inputs": {"settings": asdict(settings), "cases": dict.fromkeys(map("_".join, ALL), "")},
         "laws": laws,
-        "limb": load_limb().model_dump(mode="json"),
-        "sockets": load_sockets().model_dump(mode="json"),
+        "limb": Limb.reference().model_dump(mode="json"),
+        "sockets": {name: each.model_dump() for name, each in reference_sockets().items()},
         "finished": True,
         "cases": {record.name: record.model_dump(mode="json") for record in records},
     }

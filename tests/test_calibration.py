@@ -22,7 +22,7 @@ from calfsocket.materials.file import read_material
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.tissues import MUSCLE, SOCKET, material_set
 from calfsocket.meshes.compound import Compound, load_compound
-from calfsocket.meshes.data import load_limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.report.calibration import (
     CURVES_FILE,
@@ -206,7 +206,7 @@ def test_kinds_of_laws_cannot_change(combined):
 
 def test_calibration_from_start_to_files(tmp_path):
     settings = Settings(
-        compound=small_compound(), limb=load_limb(), points=4, starts=(ogden(10e-3, 8.0),)
+        compound=small_compound(), limb=Limb.reference(), points=4, starts=(ogden(10e-3, 8.0),)
     )
     lines: list[str] = []
     result = calibrate(MPI.COMM_SELF, settings, lines.append)
@@ -275,7 +275,7 @@ def test_far_off_starts_find_the_same_minimum_on_the_default_compound():
     # Without the rough search the second one ends at 2.2 kPa and the largest alpha, 10 % off.
     starts = (ogden(3e-3, 3.0), ogden(40e-3, 30.0))
     result = calibrate(
-        MPI.COMM_SELF, Settings(compound=load_compound(), limb=load_limb(), starts=starts)
+        MPI.COMM_SELF, Settings(compound=load_compound(), limb=Limb.reference(), starts=starts)
     )
     best, other = result.fits
     assert other.rms == pytest.approx(best.rms, rel=1e-3)

@@ -10,7 +10,8 @@ import pytest
 
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.report import variants
 from calfsocket.report.scoreboard import HOLDS, UNCHECKED
 from calfsocket.simulation.case import Case, Settings
@@ -23,8 +24,8 @@ def study(settings: Settings) -> Study:
     return Study(
         (Case("TC", "separate"),),
         settings,
-        load_limb(),
-        load_sockets(),
+        Limb.reference(),
+        reference_sockets(),
         Path("out"),
         pictures=False,
     )

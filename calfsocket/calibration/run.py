@@ -16,7 +16,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law, Ogden
 from calfsocket.materials.tissues import FasciaC10, material_set
 from calfsocket.meshes.compound import Compound
-from calfsocket.meshes.data import Limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import named_size
 from calfsocket.postprocess.extract import section_fields
 from calfsocket.postprocess.fields import SectionFields

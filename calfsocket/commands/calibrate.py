@@ -77,12 +77,12 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     from calfsocket.calibration import report
     from calfsocket.calibration.run import STARTS, Settings, calibrate
     from calfsocket.meshes.compound import load_compound
-    from calfsocket.meshes.data import load_limb
+    from calfsocket.meshes.limb import Limb
     from calfsocket.simulation import precompile as compilation
 
     settings = Settings(
         compound=load_compound(arguments.compound),
-        limb=load_limb(),
+        limb=Limb.reference(),
         specimen=arguments.specimen,
         stroke=arguments.stroke,
         points=arguments.points,

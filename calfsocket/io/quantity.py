@@ -39,6 +39,10 @@ class Written:
             return self.dimension.parse(value)
         return value
 
+    def text(self, value: float) -> str:
+        """Write a value as files have it, in the unit of the example, to its last digit."""
+        return self.dimension.text(value, self.example.split()[-1])
+
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:

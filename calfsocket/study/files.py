@@ -9,7 +9,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, checked, read_toml
 from calfsocket.materials.entry import entry_of
 from calfsocket.materials.laws import Law
-from calfsocket.meshes.data import Point
+from calfsocket.meshes.curves import Point
 
 
 class Files:

@@ -16,8 +16,8 @@ from matplotlib.path import Path as Outline
 
 from calfsocket.io.files import replacing
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.loops import limb_curves
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.limb import limb_curves
+from calfsocket.meshes.socket import AnySocket
 from calfsocket.plotting import section as drawing
 from calfsocket.simulation.case import Case
 from calfsocket.study.plan import Plan
@@ -57,10 +57,9 @@ def draw(plan: Plan, path: Path) -> None:
 
 def _different(plan: Plan) -> list[Case]:
     """One case for each geometry, and each choice of regions with laws of their own."""
-    sockets = plan.sockets.model_copy(update={"sockets": {**plan.sockets.sockets, **plan.shapes}})
-    found: dict[str, Case] = {}
+    found: dict[AnySocket, Case] = {}
     for case in plan.cases:
-        found.setdefault(sockets.socket(case.socket).model_dump_json(exclude={"name"}), case)
+        found.setdefault(plan.sockets[case.socket], case)
     return list(found.values())[:MOST_SHOWN]
 
 
@@ -68,9 +67,8 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     limb = plan.limb
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
-    sockets = plan.sockets.model_copy(update={"sockets": {**plan.sockets.sockets, **plan.shapes}})
-    socket = sockets.socket(case.socket)
-    inner, outer = socket_faces(socket, skin)
+    socket = plan.sockets[case.socket]
+    inner, outer = socket.faces(skin)
     for region in limb.regions:
         outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))
         colour = drawing.TISSUE_COLOURS[region.tissue]

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.io.errors import InputError, SolveError
-from calfsocket.meshes.data import load_sockets
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
 from calfsocket.meshes.sizing import named_size
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.vtu import read_fields
 from calfsocket.simulation.case import Settings
 from calfsocket.study.study import all_cases
@@ -158,7 +158,7 @@ def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
     """
     settings = Settings(size=size)
     paths, failures = [], []
-    for case in all_cases(load_sockets()):
+    for case in all_cases(reference_sockets()):
         ways: list[tuple[float, bool | None]] = [(largest, None) for largest in STEPS]
         if case.material_set == "separate":
             ways.append((STEPS[0], True))
@@ -261,7 +261,7 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
 
 def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> list[Check]:
     reached = sum(path.as_the_study(path.largest) for path in paths)
-    asked = len(STEPS) * len(all_cases(load_sockets()))
+    asked = len(STEPS) * len(all_cases(reference_sockets()))
     checks = [
         Check("the study's paths that reach the full load", reached, asked, "", "count", "exactly")
     ]
@@ -287,7 +287,7 @@ def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) 
 
 def _fascia_quantiles(folders: Mapping[str, Path]) -> pd.DataFrame:
     rows = []
-    for socket in load_sockets().sockets:
+    for socket in reference_sockets():
         for size, folder in folders.items():
             fields = read_fields(folder / f"{socket}_separate")
             stress = convergence.stress_quantiles(fields, "fascia")

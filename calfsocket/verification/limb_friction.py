@@ -44,12 +44,13 @@ from calfsocket.contact.nitsche import ContactParameters, ContactState
 from calfsocket.mechanics.problem import Model, SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
 from calfsocket.meshes import tags
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
-from calfsocket.postprocess.contact_line import ContactLine, running_mean
+from calfsocket.meshes.socket import Socket
+from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
-from calfsocket.postprocess.quantities import Quantities, summary
+from calfsocket.postprocess.quantities import running_mean, summary_rows
 from calfsocket.simulation.case import (
     FORCE_TOLERANCE,
     GAP_TOLERANCE,
@@ -118,10 +119,10 @@ class Fitting:
         pressing = line.weight_mm @ line.pressure_kPa
         return float(line.weight_mm @ np.abs(line.shear_kPa) / pressing)
 
-    def maximum(self, tissue: str, quantity: str) -> float:
+    def maximum(self, tissue: str, outcome: str) -> float:
         """Value of a row of the summary."""
         rows = self.summary
-        at = (rows["tissue"] == tissue) & (rows["quantity"] == quantity)
+        at = (rows["tissue"] == tissue) & (rows["outcome"] == outcome)
         return float(rows.loc[at, "value"].iloc[0])
 
 
@@ -150,8 +151,9 @@ def fit(
     support : str
         Whether the socket floats.
     """
-    limb, laws, tissues = load_limb(), case_laws(case, Settings()), region_tissues(load_limb())
-    section = section_mesh(MPI.COMM_SELF, limb, load_sockets().socket(case.socket), mesh_size(size))
+    limb, laws = Limb.reference(), case_laws(case, Settings())
+    tissues = region_tissues(limb)
+    section = section_mesh(MPI.COMM_SELF, limb, Socket.reference(case.socket), mesh_size(size))
     model = PATHS[path](
         section, {name: laws[tissues[name]] for name in section.regions}, contact, support
     )
@@ -181,7 +183,7 @@ def fit(
     order = cKDTree(model.contact.deformed_points()).query(np.stack([line.x_mm, line.y_mm], 1))[1]
     return Fitting(
         line=line,
-        summary=summary(Quantities.of(fields), line),
+        summary=summary_rows(fields, line, *case.key),
         displacement=fields.displacement[limb_nodes],
         history=pd.DataFrame(history),
         slid=slid[order],
@@ -318,8 +320,8 @@ def _row(case: Case, path: str, step: float, made: Fitting) -> dict[str, str]:
         "slips at the end": f"{np.average(line.status == 'slip', weights=line.weight_mm):.3f}",
         "slid, um": f"{1e3 * np.average(made.slid, weights=line.weight_mm):.1f}",
     } | {
-        f"{tissue}, {unit}": f"{made.maximum(tissue, quantity):.3g}"
-        for tissue, quantity, unit in TISSUES
+        f"{tissue}, {unit}": f"{made.maximum(tissue, outcome):.3g}"
+        for tissue, outcome, unit in TISSUES
     }
 
 

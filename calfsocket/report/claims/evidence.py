@@ -7,9 +7,8 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.data import Limb, Sockets
-from calfsocket.meshes.loops import limb_curves
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.socket import AnySocket, Sockets
 from calfsocket.report import comparison
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import Thresholds, damage
@@ -48,11 +47,10 @@ class Evidence:
         return Limb.model_validate(self.results.run["limb"])
 
     @cached_property
-    def sockets(self) -> Sockets:
+    def sockets(self) -> dict[str, AnySocket]:
         """The paper's sockets as meshed, all of the file."""
-        every = Sockets.model_validate(self.results.run["sockets"])
-        own = {name: shape for name, shape in every.sockets.items() if name in SOCKETS}
-        return every.model_copy(update={"sockets": own})
+        every = Sockets(sockets=self.results.run["sockets"]).sockets
+        return {name: socket for name, socket in every.items() if name in SOCKETS}
 
     @cached_property
     def skin(self) -> ClosedCurve:
@@ -62,10 +60,7 @@ class Evidence:
     @cached_property
     def inner_faces(self) -> dict[str, ClosedCurve]:
         """Undeformed inner face of each socket."""
-        return {
-            name: socket_faces(self.sockets.socket(name), self.skin)[0]
-            for name in self.sockets.sockets
-        }
+        return {name: socket.faces(self.skin)[0] for name, socket in self.sockets.items()}
 
     @cached_property
     def changes(self) -> pd.DataFrame:

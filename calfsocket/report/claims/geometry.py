@@ -62,10 +62,10 @@ def segmented_tissues(e: Evidence) -> Finding:
 @claim("C011")
 def three_sockets(e: Evidence) -> Finding:
     """Check for the sockets TC, TSB and HS."""
-    shapes = {repr(socket) for socket in e.sockets.sockets.values()}
+    shapes = {repr(socket) for socket in e.sockets.values()}
     return Finding(
-        tuple(e.sockets.sockets) == SOCKETS and len(shapes) == len(SOCKETS),
-        f"{', '.join(e.sockets.sockets)}; outlines of our own",
+        tuple(e.sockets) == SOCKETS and len(shapes) == len(SOCKETS),
+        f"{', '.join(e.sockets)}; outlines of our own",
         "TC, TSB, HS",
     )
 
@@ -92,8 +92,12 @@ def clinical_area(e: Evidence) -> Finding:
 @claim("C014")
 def wall(e: Evidence) -> Finding:
     """Check that the wall is 4.5 mm thick."""
-    ours = e.sockets.wall_thickness
-    return Finding(abs(ours - WALL_MM) < SAME, f"{ours:g} mm", f"{WALL_MM:g} mm")
+    ours = {socket.wall_thickness for socket in e.sockets.values()}
+    return Finding(
+        all(abs(wall - WALL_MM) < SAME for wall in ours),
+        " and ".join(f"{wall:g} mm" for wall in sorted(ours)),
+        f"{WALL_MM:g} mm",
+    )
 
 
 @claim("C015")

@@ -21,7 +21,7 @@ def _distinct(laws: dict[str, dict]) -> int:
 def tissue_types(e: Evidence) -> Finding:
     """Check for six tissue materials in Separate, five in Combined, in three sockets."""
     counts = [_distinct(e.laws[name]) for name in ("separate", "combined")]
-    n = len(e.sockets.sockets)
+    n = len(e.sockets)
     return Finding(
         [*counts, n] == [6, 5, 3],
         f"{counts[0]} materials Separate, {counts[1]} Combined; {n} sockets",
