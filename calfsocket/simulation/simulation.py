@@ -17,6 +17,7 @@ from calfsocket.io.errors import ConvergenceError, InputError, SolveError, in_on
 from calfsocket.io.schema import nearest
 from calfsocket.io.versions import versions
 from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import SOCKET
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
@@ -116,8 +117,8 @@ class Simulation:
         self.phases = Phases()
         self._placement = placement
         self.region_laws = materials.region_laws(limb.tissues)
-        if wall := socket.wall_law():
-            self.region_laws[tags.SOCKET] = wall
+        if wall := socket.elasticity():
+            self.region_laws[tags.SOCKET] = SOCKET.model_copy(update=wall)
 
     @cached_property
     def placement(self) -> Placement:
@@ -128,7 +129,7 @@ class Simulation:
         InputError
             If it cannot be put on: one line that names the socket and the place.
         """
-        return self._placement or check_placement(self.socket, self.limb)
+        return self._placement or check_placement(self.socket, self.limb, self.socket.name)
 
     @property
     def inputs(self) -> dict[str, Any]:

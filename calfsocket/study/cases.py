@@ -15,7 +15,7 @@ from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.socket import REFERENCE_SOCKETS, Socket
+from calfsocket.meshes.socket import AnySocket, Socket, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
 from calfsocket.simulation.simulation import Simulation
@@ -197,12 +197,12 @@ class Planner:
         content: Mapping[str, Any],
         files: Files,
         limb: Limb,
-        reference: Mapping[str, Socket],
+        reference: Mapping[str, AnySocket],
     ) -> None:
         self._path, self._content, self._files = path, content, files
         self._limb, self._reference = limb, reference
         self._documents: dict[str, Document] = {}
-        self._placements: dict[str, Placement] = {}
+        self._placements: dict[Socket, Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
         with error_context(path):
@@ -332,8 +332,18 @@ class Planner:
                 content = sweep.applied(self._content, changes)
             words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
             origin = f"{place}: with {words}: " if changes else ""
+            if isinstance(content.get("sockets"), dict):
+                content["sockets"] = {
+                    name: self._resolved(table, f"{origin}sockets.{name}")
+                    for name, table in content["sockets"].items()
+                }
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
+
+    def _resolved(self, table: Any, place: str) -> Any:
+        """Return a socket's table as its class has it."""
+        with error_context(self._path, place):
+            return resolved(table, self._reference, self._files.outline)
 
     def _case(
         self, asked: _Asked, own: Changes, point: Point, labels: Labels, number: int
@@ -364,11 +374,7 @@ class Planner:
         )
 
     def _socket(self, document: Document, name: str, label: str) -> Socket:
-        if name in self._reference:
-            socket = self._reference[name]
-        else:
-            with error_context(self._path, f"sockets.{name}"):
-                socket = document.sockets[name].socket(self._files, self._reference)
+        socket = document.sockets.get(name) or self._reference[name]
         return socket.model_copy(update={"name": label})
 
     def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
@@ -384,10 +390,10 @@ class Planner:
 
     def _placement(self, socket: Socket, name: str) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""
-        shape = socket.model_dump_json(exclude={"name", "title"})
+        shape = socket.model_copy(update={"name": ""})
         if shape not in self._placements:
             with error_context(self._path, f"sockets.{name}"):
-                self._placements[shape] = check_placement(socket, self._limb)
+                self._placements[shape] = check_placement(shape, self._limb)
         return self._placements[shape]
 
     def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:

@@ -1,6 +1,7 @@
 """A study file as checked tables, and their JSON schema for editors."""
 
 import json
+from collections.abc import Container
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -13,7 +14,7 @@ from calfsocket.materials.material_set import BASE_SETS, MaterialSetTable
 from calfsocket.materials.tissues import FasciaC10
 from calfsocket.materials.law import OgdenForm
 from calfsocket.mechanics.stepping import LoadSteps
-from calfsocket.meshes.socket import REFERENCE_SOCKETS, SocketTable
+from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
 from calfsocket.simulation.simulation import Support, checked_size
@@ -138,7 +139,7 @@ class Document(Strict):
     @field_validator("sockets")
     @classmethod
     def _not_a_reference(cls, value: dict[str, Any]) -> dict[str, Any]:
-        return _custom_names(value, REFERENCE_SOCKETS, "a socket of the reference data")
+        return _custom_names(value, reference_sockets(), "a socket of the reference data")
 
     @field_validator("materials")
     @classmethod
@@ -146,7 +147,7 @@ class Document(Strict):
         return _custom_names(value, BASE_SETS, "a set of the paper")
 
 
-def _custom_names(value: dict[str, Any], taken: tuple[str, ...], what: str) -> dict[str, Any]:
+def _custom_names(value: dict[str, Any], taken: Container[str], what: str) -> dict[str, Any]:
     for name in value:
         if name in taken:
             raise ValueError(f"'{name}' is {what}; choose another name, with like = '{name}' in it")

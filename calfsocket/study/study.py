@@ -14,7 +14,7 @@ from rich.console import Console
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, read_toml
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import REFERENCE_SOCKETS, Socket
+from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.simulation.record import StudySource, read_run
 from calfsocket.simulation.results import Results, load_results
@@ -52,7 +52,7 @@ class Study:
     content: Mapping[str, Any]
     files: Files
     limb: Limb
-    reference: Mapping[str, Socket]
+    reference: Mapping[str, AnySocket]
     sha256: Mapping[str, str] = field(default_factory=dict)
     chosen: tuple[str, ...] = ()
     petsc_options: Mapping[str, str] = field(default_factory=dict)
@@ -98,7 +98,8 @@ class Study:
             content=run.study.content,
             files=Files(path.parent, run.study.files),
             limb=run.limb,
-            reference={k: v for k, v in run.sockets.items() if k in REFERENCE_SOCKETS},
+            reference={name: run.sockets[name] for name in reference_sockets() if name in run.sockets}
+            or reference_sockets(),
             sha256={path.name: sha256(path), **run.study.sha256},
             chosen=tuple(run.cases),
             petsc_options=_harmless(path, run.petsc_options),
@@ -213,11 +214,6 @@ class Study:
         runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
         runner.run(resume)
         return load_results(folder)
-
-
-def reference_sockets() -> dict[str, Socket]:
-    """Return TC, TSB and HS by name."""
-    return {name: Socket.reference(name) for name in REFERENCE_SOCKETS}
 
 
 def variants() -> dict[str, dict[str, Any]]:
