@@ -16,7 +16,7 @@ from calfsocket.calibration.fit import SMALLEST_ALPHA, Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
 from calfsocket.calibration.run import Settings, calibrate
 from calfsocket.calibration.specimen import Specimen, compound_specimen
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError, SolveError
 from calfsocket.materials.file import read_material
 from calfsocket.materials.laws import Ogden
@@ -55,7 +55,7 @@ DISPLACEMENTS = np.array([0.6, 1.2, 1.8, 2.4])
 
 @pytest.fixture(scope="module")
 def combined(specimen) -> Indentation:
-    return Indentation(specimen, material_set("combined"), ContactParameters())
+    return Indentation(specimen, material_set("combined"), Contact())
 
 
 def laws(law: Ogden) -> dict:
@@ -71,7 +71,7 @@ def test_one_material_between_smooth_sides_is_compressed_as_on_paper():
     test = Indentation(
         compound_specimen(MPI.COMM_SELF, compound, COARSE),
         dict.fromkeys(("skin", "fat", "fascia", "muscle", "bone"), law) | {"socket": SOCKET},
-        ContactParameters(fric_coeff=0.0),
+        Contact(friction=0.0),
     )
     curve = test.curve(np.array([1.0, 3.0]), count_modes=True)
     stretch = 1 - curve.displacement / compound.top
@@ -88,7 +88,7 @@ def test_a_curve_does_not_depend_on_the_ones_before(specimen, combined):
     combined.curve(DISPLACEMENTS)
     combined.set_laws(laws(law))
     again = combined.curve(DISPLACEMENTS)
-    fresh = Indentation(specimen, laws(law), ContactParameters()).curve(DISPLACEMENTS)
+    fresh = Indentation(specimen, laws(law), Contact()).curve(DISPLACEMENTS)
     assert again.newton_iterations < fresh.newton_iterations
     np.testing.assert_allclose(again.force, fresh.force, rtol=1e-6)
 
@@ -108,7 +108,7 @@ def test_curves_of_neighbouring_laws_are_exact_to_second_order(combined):
 
 def test_a_step_too_long_is_halved(combined):
     combined.set_laws(laws(ogden(9e-3, 10.0)))
-    whole = Indentation(combined.specimen, laws(ogden(9e-3, 10.0)), ContactParameters())
+    whole = Indentation(combined.specimen, laws(ogden(9e-3, 10.0)), Contact())
     solve, failures = whole._drive.solve, [True, False, True]
 
     def fail_at_times():
@@ -125,7 +125,7 @@ def test_a_step_too_long_is_halved(combined):
 
 
 def test_no_equilibrium_at_all_is_said(specimen):
-    test = Indentation(specimen, material_set("combined"), ContactParameters())
+    test = Indentation(specimen, material_set("combined"), Contact())
 
     def fail():
         raise SolveError("never")
@@ -291,12 +291,12 @@ def test_curves_are_the_same_on_several_ranks(mpirun):
         "compilation.warm(MPI.COMM_WORLD);"
         "from calfsocket.calibration.indentation import Indentation;"
         "from calfsocket.calibration.specimen import compound_specimen;"
-        "from calfsocket.contact.nitsche import ContactParameters;"
+        "from calfsocket.contact.parameters import Contact;"
         "from calfsocket.meshes.compound import load_compound;"
         "from calfsocket.meshes.sizing import mesh_size;"
         "from calfsocket.materials.tissues import material_set;"
         "s = compound_specimen(MPI.COMM_WORLD, load_compound(), mesh_size('coarse'));"
-        "t = Indentation(s, material_set('separate'), ContactParameters());"
+        "t = Indentation(s, material_set('separate'), Contact());"
         "c = t.curve(np.array([0.6, 1.2]), count_modes=True);"
         "print(c.force.tolist() + c.negative_modes.tolist()) if MPI.COMM_WORLD.rank == 0 else None"
     )

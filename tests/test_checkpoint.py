@@ -10,8 +10,8 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.io.errors import SolveError, WriteError
-from calfsocket.mechanics.newton import Solver
-from calfsocket.mechanics.stepping import Milestone, StepControl, Stepper
+from calfsocket.mechanics.newton import Newton
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps, Milestone
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import Socket
@@ -30,7 +30,7 @@ def solve(control, path=None, start_from=None):
     def save(milestone: Milestone) -> None:
         Checkpoint(path / f"{len(milestone.steps)}.npz", model, {}).save(milestone)
 
-    stepper = Stepper(model, control, on_milestone=save if path else None)
+    stepper = LoadStepper(model, control, on_milestone=save if path else None)
     stepper.run(Checkpoint(start_from, model, {}).load() if start_from else None)
     return stepper
 
@@ -53,11 +53,11 @@ def test_every_step_can_be_gone_on_from(unbroken):
             assert (one.number, one.load) == (other.number, other.load)
             assert one.newton.iterations == other.newton.iterations
         # The same factorisations of the same numbers: nothing is different but the clock.
-        np.testing.assert_array_equal(resumed.model.w.x.array, whole.model.w.x.array)
+        np.testing.assert_array_equal(resumed.problem.w.x.array, whole.problem.w.x.array)
         np.testing.assert_array_equal(
-            resumed.model.contact.converged_arc, whole.model.contact.converged_arc
+            resumed.problem.contact.converged_arc, whole.problem.contact.converged_arc
         )
-        assert resumed.model.contact.load == 1.0
+        assert resumed.problem.load == 1.0
 
 
 def test_slip_history_matters(unbroken, tmp_path):
@@ -65,28 +65,28 @@ def test_slip_history_matters(unbroken, tmp_path):
     control, whole, folder = unbroken
     model = ring_model(MPI.COMM_SELF, h=6.0)
     start = Checkpoint(folder / "1.npz", model, {}).load()
-    forgetful = Stepper(model, CONTROLS[control])
+    forgetful = LoadStepper(model, CONTROLS[control])
     forgetful.run(replace(start, converged_arc=start.converged_arc + 0.05))
-    difference = forgetful.model.w.x.array - whole.model.w.x.array
+    difference = forgetful.problem.w.x.array - whole.problem.w.x.array
     assert np.abs(difference).max() > 1e-6
 
 
 def test_a_step_that_failed_fails_again(tmp_path, monkeypatch):
     """What was saved last leads to the same failure, in the same words."""
-    solve_one = Solver.solve
+    solve_one = Newton.solve
 
     def fail_late(solver):
         result = solve_one(solver)
-        late = model.contact.load > 0.5
+        late = model.load > 0.5
         return replace(result, converged=False, reason="too late") if late else result
 
-    monkeypatch.setattr(Solver, "solve", fail_late)
+    monkeypatch.setattr(Newton, "solve", fail_late)
     said = []
     for _ in range(2):
         model = ring_model(MPI.COMM_SELF, h=6.0)
         checkpoint = Checkpoint(tmp_path / "c.npz", model, {})
-        control = StepControl(first=0.4, smallest=0.1)
-        stepper = Stepper(model, control, on_milestone=checkpoint.save)
+        control = LoadSteps(first=0.4, largest=0.4, smallest=0.1)
+        stepper = LoadStepper(model, control, on_milestone=checkpoint.save)
         start = checkpoint.load()
         with pytest.raises(SolveError) as failure:
             stepper.run(start)

@@ -6,10 +6,10 @@ import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials import tissues
 from calfsocket.materials.laws import Ogden, ogden_terms
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.simulation import precompile as compilation
@@ -58,7 +58,7 @@ def test_another_model_compiles_nothing(monkeypatch):
         section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
         laws = tissues.material_set(material_set, fascia_c10="tables" if h > 4 else "printed")
         regions = {name: laws[name] for name in section.regions}
-        model = Model(section, regions, ContactParameters(fric_coeff=friction))
+        model = limb_problem(section, regions, Contact(friction=friction))
         model.create_matrix()
         section_fields(model, {name: name for name in section.regions})
         contact_line(model)

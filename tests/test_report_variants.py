@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
@@ -50,12 +50,12 @@ def test_one_choice_is_changed_at_a_time():
         "socket-held-and-fascia-c10-tables": {"socket_support", "fascia_c10"},
     }
     frictionless = {each.out.name: each.settings.contact for each in others}["frictionless"]
-    assert frictionless == ContactParameters(fric_coeff=0.0)
+    assert frictionless == Contact(friction=0.0)
     assert all(each.cases == base.cases and each.limb is base.limb for each in others)
 
 
 def test_a_choice_already_made_is_no_variant():
-    settings = Settings(contact=ContactParameters(fric_coeff=0.0))
+    settings = Settings(contact=Contact(friction=0.0))
     names = [each.out.name for each in family.studies(study(settings))]
     assert "frictionless" not in names and len(names) == 5
 

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.tissues import material_set
-from calfsocket.mechanics.problem import Model
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.simulation.case import Case, Settings
 from calfsocket.verification import limb_runs
@@ -37,10 +37,10 @@ def ring_balance(steps, overclosure=0.8, oval=0.0, fric_coeff=0.4):
     nodes = np.unique(mesh.mesh.geometry.dofmap[mesh.cell_tags.find(mesh.regions["socket"])])
     mesh.mesh.geometry.x[nodes] *= (1.0 + oval, 1.0 - oval, 1.0)
     regions = {name: laws[name] for name in mesh.regions}
-    model = Model(mesh, regions, ContactParameters(fric_coeff))
+    model = limb_problem(mesh, regions, Contact(fric_coeff))
     meter = EnergyMeter(model)
     size = 1.0 / steps
-    Stepper(model, StepControl(first=size, largest=size), on_step=meter.record).run()
+    LoadStepper(model, LoadSteps(first=size, largest=size), on_step=meter.record).run()
     return meter.balance()
 
 

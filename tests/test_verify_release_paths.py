@@ -6,11 +6,10 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from calfsocket.contact.friction import OPEN
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.tissues import material_set
 from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
-from calfsocket.mechanics.problem import Model
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.friction import TurnedRing
@@ -58,10 +57,10 @@ def stepped(model, largest=0.25, to=1.0):
     pressures = {}
 
     def read(step):
-        model.set_unknowns(stepper.solver.x)
+        model.set_unknowns(stepper.newton.x)
         pressures[step.load] = mean_pressure(model)
 
-    stepper = Stepper(model, StepControl(first=largest, largest=largest), on_step=read)
+    stepper = LoadStepper(model, LoadSteps(first=largest, largest=largest), on_step=read)
     stepper.run()
     return stepper, pressures
 
@@ -101,8 +100,8 @@ def test_springs_carry_their_shear_over():
     model = TurnedSprings(
         mesh,
         laws,
-        ContactParameters(gamma=1.0, gamma_t=0.3),
-        socket_support="outer-fixed",
+        Contact(gamma=1.0, gamma_t=0.3),
+        support="outer-fixed",
     )
     drive, contact = Drive(model), model.contact
     contact.load = 0.8
@@ -146,7 +145,7 @@ def shrunk():
 
 def test_shrinking_socket_has_the_pressure_of_one_made_at_its_size(shrunk):
     stepper, pressures = shrunk
-    swelling = stepper.model.contact.swelling
+    swelling = stepper.problem.contact.swelling
     touching = 0
     for load, pressure in pressures.items():
         size = 1.0 + swelling * (1.0 - load)
@@ -195,7 +194,7 @@ def test_drag_holds_back_what_moved_in_the_step_and_is_gone_at_full_load():
     inner = LIMB[-1].outer - OVERCLOSURE
     area = np.pi * ((inner + THICKNESS) ** 2 - inner**2)
     for load in (0.0, 0.6, 1.0):
-        model.contact.load = load
+        model.load = load
         model.rest(start)
         model.residual(x, f)
         model.rest(x)
@@ -216,7 +215,7 @@ def test_tangent_is_the_derivative_of_the_residual(path):
     A = model.create_matrix()
     direction.array[body.dofs] = body.shift * [1.0, 0.5]
     for load, h in ((0.0, 1e-3), (0.7, 1e-7)):
-        model.contact.load = load
+        model.load = load
         model.tangent(x, A)
         model.residual(x + h * direction, plus)
         model.residual(x - h * direction, minus)
@@ -225,4 +224,4 @@ def test_tangent_is_the_derivative_of_the_residual(path):
         x.array[:] = 1e-4 * rng.normal(size=x.getLocalSize())
         direction.array[:] = rng.normal(size=x.getLocalSize())
         for vector in (x, direction):
-            vector.array[model.held] = 0.0
+            vector.array[model.constrained] = 0.0

@@ -75,7 +75,7 @@ def content(calibration: Calibration, settings: Settings) -> dict[str, Any]:
             "cells": specimen.section.mesh.topology.index_map(2).size_global,
             "stroke_mm": specimen.stroke,
             "points": settings.points,
-            "contact": asdict(settings.contact),
+            "contact": settings.contact.model_dump(),
             "free_d": settings.free_d,
             "nu": None if settings.free_d else NU,
             "laws": {tissue: {"law": law.name, **asdict(law)} for tissue, law in separate.items()},

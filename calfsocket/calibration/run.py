@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calfsocket.calibration.fit import Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
 from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law, Ogden
 from calfsocket.materials.tissues import FasciaC10, material_set
@@ -44,7 +44,7 @@ class Settings:
         "printed" or "tables" (`tissues.FASCIA_C10`).
     materials : mapping of tissue name to law
         Laws of the Separate set in the place of Table 1's.
-    contact : ContactParameters
+    contact : Contact
         Friction and Nitsche stiffness.
     stroke : float, optional
         Way of the plate, mm; the specimen's own otherwise.
@@ -62,7 +62,7 @@ class Settings:
     size: str = "coarse"
     fascia_c10: FasciaC10 = "printed"
     materials: Mapping[str, Law] | None = None
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=Contact)
     stroke: float | None = None
     points: int = 8
     starts: tuple[Ogden, ...] = STARTS
@@ -153,7 +153,7 @@ def calibrate(
         return test
 
     reference = press(SEPARATE, separate)
-    fields = section_fields(reference.model, specimen.tissues)
+    fields = section_fields(reference.problem, specimen.tissues)
     press(IGNORED, separate | {"fascia": separate["muscle"]})
 
     def combined(law: Law) -> dict[str, Law]:

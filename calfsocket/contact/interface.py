@@ -1,6 +1,7 @@
 """The contact interface of a distributed mesh: skin quadrature points against the socket's face."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,14 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact import nitsche
-from calfsocket.contact.nitsche import ContactParameters, ContactState, SkinPoints
+from calfsocket.contact.nitsche import ContactState, SkinPoints
+from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.io.errors import InputError
+from calfsocket.materials.laws import Law
+from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -131,16 +136,14 @@ class ContactInterface:
     ----------
     w : fem.Function
         Mixed unknowns; sub-space 0 is the displacement in mm.
-    law : str
-        Law of the skin's surface, one of `forms.mixed.LAW_IDS`.
+    section : SectionMesh
+        Mesh with both boundaries.
+    laws : mapping of region name to law
+        Law of each region; one kind alone meets the skin's surface.
     fields : LawFields
         Parameters of the laws.
-    facet_tags : MeshTags
-        Tags of the boundary edges.
-    skin_tag, socket_tag : int
-        Tags of the skin surface and of the socket's inner face.
-    parameters : ContactParameters
-        Friction and Nitsche stiffness.
+    pair : ContactPair
+        Names of the two boundaries, friction and Nitsche stiffness.
 
     Attributes
     ----------
@@ -157,26 +160,26 @@ class ContactInterface:
     def __init__(
         self,
         w: fem.Function,
-        law: str,
+        section: SectionMesh,
+        laws: Mapping[str, Law],
         fields: mixed.LawFields,
-        facet_tags: mesh.MeshTags,
-        skin_tag: int,
-        socket_tag: int,
-        parameters: ContactParameters,
+        pair: "ContactPair",
     ) -> None:
         V = w.function_space
         domain = V.mesh
+        law = surface_law(section, laws, pair.skin)
         self.load = 0.0
-        self.parameters = parameters
+        self.parameters = parameters = pair.parameters
         self.edge_parameters, self._edge_weights = np.polynomial.legendre.leggauss(
             parameters.gauss_points
         )
-        self.skin = Face.of(V, facet_tags, skin_tag)
+        facet_tags, boundaries = section.facet_tags, section.boundaries
+        self.skin = Face.of(V, facet_tags, boundaries[pair.skin])
         self._comm = domain.comm
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
-        self._set_up_socket(Face.of(V, facet_tags, socket_tag))
+        self._set_up_socket(Face.of(V, facet_tags, boundaries[pair.socket]))
 
         on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         u, p_dof = ufl.split(w)
@@ -315,6 +318,20 @@ class ContactInterface:
         """Take the last `accept` back."""
         self.converged_arc = self._earlier_arc
 
+    def force(self, state: ContactState) -> tuple[FloatArray, float]:
+        """Force on the skin, N/mm, and the integral of contact pressure over it (collective).
+
+        Parameters
+        ----------
+        state : ContactState
+            Contact at the points of this rank.
+        """
+        at, law = state.projection, state.traction
+        traction = law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
+        weight = self.points.weight
+        total = self._comm.allreduce(np.array([*(weight @ traction), weight @ law.pressure]))
+        return total[:2], float(total[2])
+
     # -- assembly -------------------------------------------------------------------------------
 
     def add_residual(self, b: PETSc.Vec) -> ContactState:
@@ -322,7 +339,7 @@ class ContactInterface:
         with CONTACT_RESIDUAL:
             state = self.state()
             skin, socket = nitsche.residual(self.points, state)
-            # Held unknowns, too: their residual is the force that holds them.
+            # Constrained unknowns, too: their residual is the force that holds them.
             b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
             b.setValues(
                 self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
@@ -335,7 +352,8 @@ class ContactInterface:
         with CONTACT_TANGENT:
             nominal = self.nominal_traction()
             state = self.state(nominal)
-            blocks = nitsche.tangent(self.points, state, nominal, self.parameters)
+            gamma, gamma_t = self.parameters.gamma, self.parameters.gamma_t
+            blocks = nitsche.tangent(self.points, state, nominal, gamma, gamma_t)
             return ContactTangent(state.projection.edge, *blocks, self.nominal_traction_variation())
 
     def constraint_tangent(self) -> ContactTangent:
@@ -356,6 +374,60 @@ class ContactInterface:
         return near.reshape(len(edge), near.shape[1] * self.parameters.gauss_points)
 
 
+@dataclass(frozen=True)
+class ContactPair:
+    """Two boundaries that may touch, as a problem takes them.
+
+    Attributes
+    ----------
+    skin, socket : str
+        Names of the boundary that is integrated over, that of the softer body, and of the one that
+        it is projected on.
+    parameters : Contact
+        Friction and Nitsche stiffness.
+    kind : callable
+        Makes the interface, with the arguments of `ContactInterface`: another one may come to full
+        load in another way.
+    """
+
+    skin: str
+    socket: str
+    parameters: Contact = field(default_factory=Contact)
+    kind: Callable[..., ContactInterface] = ContactInterface
+
+    def bind(
+        self,
+        w: fem.Function,
+        section: SectionMesh,
+        laws: Mapping[str, Law],
+        fields: mixed.LawFields,
+    ) -> ContactInterface:
+        """Make the interface of a problem (collective); parameters as of `ContactInterface`."""
+        return self.kind(w, section, laws, fields, self)
+
+
 def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
     """Global indices of local ones, in the same shape, of PETSc's integer type."""
     return index_map.local_to_global(local.ravel()).reshape(local.shape).astype(PETSc.IntType)
+
+
+def surface_law(section: SectionMesh, laws: Mapping[str, Law], boundary: str) -> str:
+    """Kind of law of the cells on a boundary, the same on every rank (collective).
+
+    Raises
+    ------
+    InputError
+        If several kinds meet there.
+    """
+    topology = section.mesh.topology
+    topology.create_connectivity(1, 2)
+    facet_to_cell = topology.connectivity(1, 2)
+    regions = section.cell_regions()
+    facets = section.facet_tags.find(section.boundaries[boundary])
+    mine = {int(regions[facet_to_cell.links(facet)[0]]) for facet in facets}
+    names = {tag: name for name, tag in section.regions.items()}
+    everywhere = section.mesh.comm.allgather(mine)
+    kinds = {laws[names[tag]].name for part in everywhere for tag in part}
+    if len(kinds) != 1:
+        raise InputError(f"{boundary}: laws {sorted(kinds)} meet there; one is allowed")
+    return kinds.pop()

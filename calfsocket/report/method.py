@@ -16,7 +16,7 @@ SETTINGS = {
     "socket_support": "socket support",
     "fascia_c10": "fascia's C10",
     "ogden_form": "Ogden form",
-    "fric_coeff": "friction coefficient",
+    "friction": "friction coefficient",
     "gamma": "Nitsche's stiffness gamma, MPa/mm",
     "gamma_t": "its tangential part gamma_t, MPa/mm",
     "first": "first load step",
@@ -25,7 +25,7 @@ SETTINGS = {
     "growth": "growth of steps",
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
-    "predict": "predictor",
+    "extrapolate": "predictor",
 }
 """Words for the settings in run.json; one that is not here keeps its name."""
 
@@ -46,7 +46,7 @@ def summary(results: Results) -> str:
     return (
         f"{runs}. Mesh “{settings['size']}”, socket "
         f"{settings['socket_support'].replace('-', ' ')}, friction "
-        f"{settings['contact']['fric_coeff']:g}, fascia's C10 {settings['fascia_c10']}, "
+        f"{settings['contact']['friction']:g}, fascia's C10 {settings['fascia_c10']}, "
         f"Ogden form {settings['ogden_form']}."
     )
 

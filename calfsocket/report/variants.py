@@ -82,7 +82,7 @@ def choices(variants: Variants, boards: Mapping[str, pd.DataFrame]) -> pd.DataFr
     return pd.DataFrame(rows)
 
 
-_CHOICES = ("socket_support", "fascia_c10", "fric_coeff", "ogden_form")
+_CHOICES = ("socket_support", "fascia_c10", "friction", "ogden_form")
 
 
 def _settings(results: Results) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.tissues import MUSCLE, material_set
-from calfsocket.mechanics.newton import Solver
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.newton import Newton
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 
@@ -85,10 +85,10 @@ def _use_all_forms(ogden_terms: int) -> None:
     section = ring_mesh(MPI.COMM_SELF, _LAYERS, _SOCKET, h=4.0)
     muscle = Ogden(MUSCLE.mu * ogden_terms, MUSCLE.alpha * ogden_terms, MUSCLE.d1)
     laws = material_set("separate", materials={"muscle": muscle})
-    model = Model(section, {name: laws[name] for name in section.regions})
-    solver = Solver(model)
-    model.contact.load = 0.01
-    solver.solve()
+    model = limb_problem(section, {name: laws[name] for name in section.regions})
+    newton = Newton(model)
+    model.load = 0.01
+    newton.solve()
     model.smallest_volume_ratio()
     section_fields(model, {name: name for name in section.regions})
     contact_line(model)

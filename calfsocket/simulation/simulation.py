@@ -6,19 +6,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import pandas as pd
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from calfsocket.contact.parameters import Contact
-from calfsocket.io.errors import ConvergenceError, InputError, SolveError, in_one_line
+from calfsocket.io.errors import ConvergenceError, InputError, in_one_line
 from calfsocket.io.schema import nearest
 from calfsocket.io.versions import versions
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
-from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
@@ -33,10 +33,6 @@ from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import Phases, Profile
 from calfsocket.simulation.record import CaseRecord, Checks
 from calfsocket.simulation.result import STEP_COLUMNS, Result
-
-Support = Literal["floating", "outer-fixed"]
-SUPPORTS: tuple[Support, ...] = get_args(Support)
-
 
 class Monitor:
     """Called while a simulation runs, on every rank; this one does nothing."""
@@ -101,7 +97,7 @@ class Simulation:
         materials: MaterialSet,
         mesh_size: str | int | MeshSize = "paper",
         contact: Contact | None = None,
-        support: Support = "floating",
+        support: SocketSupport = "floating",
         steps: LoadSteps | None = None,
         comm: MPI.Intracomm | None = None,
         placement: Placement | None = None,
@@ -112,7 +108,10 @@ class Simulation:
         self.mesh_size = checked_size(mesh_size)
         self.contact = contact or Contact()
         self.support = support
-        self.steps = (steps or LoadSteps()).for_materials(materials.base)
+        self.steps = steps or LoadSteps()
+        if self.steps.extrapolate is None:
+            combined = materials.base == "combined"
+            self.steps = self.steps.model_copy(update={"extrapolate": combined})
         self.comm = MPI.COMM_WORLD if comm is None else comm
         self.phases = Phases()
         self._placement = placement
@@ -200,7 +199,7 @@ class Simulation:
         try:
             with self.phases("solve"):
                 stepper.run(start)
-        except SolveError as error:
+        except ConvergenceError as error:
             failure = str(error)
         if profile:
             profile.stop()
@@ -282,7 +281,7 @@ def check(stepper: LoadStepper) -> Checks:
     newton = [step.newton for step in stepper.steps]
     converged = [result for result in newton if result.converged]
     volume_ratio, region = problem.smallest_volume_ratio()
-    imbalance, pressing = problem.force_balance(stepper.newton.x)
+    imbalance, pressing = problem.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
     return Checks(
         load=problem.load,
         unknowns=problem.V.dofmap.index_map.size_global,

@@ -13,11 +13,12 @@ from calfsocket.io.units import SHARE, STRESS
 from calfsocket.materials.material_set import BASE_SETS, MaterialSetTable
 from calfsocket.materials.tissues import FasciaC10
 from calfsocket.materials.law import OgdenForm
+from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
-from calfsocket.simulation.simulation import Support, checked_size
+from calfsocket.simulation.simulation import checked_size
 from calfsocket.study.names import File, Name
 from calfsocket.study.sweep import Sweep
 
@@ -74,7 +75,7 @@ class ModelTable(Contact):
     size: str | Annotated[int, Field(strict=True)] = Field(
         default="paper", description="coarse, medium or paper, or the number of triangles"
     )
-    socket_support: Support = "floating"
+    socket_support: SocketSupport = "floating"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
 

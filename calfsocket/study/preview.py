@@ -142,7 +142,7 @@ def _lines(plan: Plan, drawn: int) -> list[str]:
     """Tell in words what would be solved."""
     settings = plan.settings
     lines = [
-        f"{len(plan.cases)} cases; mesh {settings.size}, friction {settings.contact.fric_coeff:g}, "
+        f"{len(plan.cases)} cases; mesh {settings.size}, friction {settings.contact.friction:g}, "
         f"socket {settings.socket_support}, steps of {settings.steps.first:g} to "
         f"{settings.steps.largest:g}"
     ]

@@ -33,7 +33,7 @@ def tissue_types(e: Evidence) -> Finding:
 def nonlinear_with_friction(e: Evidence) -> Finding:
     """Check that nonlinear laws and friction are switched on."""
     laws = {law["law"] for law in e.laws["separate"].values()}
-    friction = e.settings["contact"]["fric_coeff"]
+    friction = e.settings["contact"]["friction"]
     return Finding(
         {"ogden", "yeoh"} <= laws and friction > 0,
         f"{', '.join(sorted(laws))} at large strain; friction {friction:g}",

@@ -102,7 +102,7 @@ def surface_to_surface(e: Evidence) -> Finding:
 @claim("C044")
 def friction(e: Evidence) -> Finding:
     """Check that the coefficient of friction is 0.4."""
-    ours = e.settings["contact"]["fric_coeff"]
+    ours = e.settings["contact"]["friction"]
     return Finding(
         abs(ours - FRICTION) < SAME, f"{ours:g}", f"{FRICTION:g}", "by choice of this study"
     )
