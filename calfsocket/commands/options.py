@@ -103,7 +103,7 @@ def material_files(words: Sequence[str], sets: Iterable[str]) -> dict[str, Path]
     """
     from calfsocket.materials.material_set import MaterialSet
 
-    used = dict.fromkeys(name for each in sets for name in MaterialSet.paper(each).materials)
+    used = dict.fromkeys(name for each in sets for name in MaterialSet.paper(each).laws)
     files: dict[str, Path] = {}
     for word in words:
         tissue, equals, file = word.partition("=")

@@ -3,7 +3,7 @@
 import difflib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -308,7 +308,7 @@ class Planner:
 
     def _check_laws(self, place: str, laws: Mapping[str, Any], bases: list[BaseSet]) -> None:
         regions = list(self._limb.tissues)
-        materials = [name for base in bases for name in MaterialSet.paper(base).materials]
+        materials = [name for base in bases for name in MaterialSet.paper(base).laws]
         for name in laws:
             if name not in (*materials, *regions):
                 near = difflib.get_close_matches(name, [*materials, *regions], n=1)
@@ -361,8 +361,6 @@ class Planner:
             words = point.label, ""
         materials = self._materials(document, asked.materials, _joined(asked.materials, words[1]))
         socket = self._socket(document, asked.socket, _joined(asked.socket, asked.label, words[0]))
-        with error_context(self._path, f"materials.{asked.materials}"):
-            materials.check_compressible()
         return Case(
             limb=self._limb,
             socket=socket,
@@ -379,14 +377,13 @@ class Planner:
 
     def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
         model = document.model
-        base = self._base(document, name)
-        made = MaterialSet.paper(base, model.fascia_c10, model.ogden_form)
+        paper = MaterialSet.paper(self._base(document, name), model.fascia_c10, model.ogden_form)
         with error_context(self._path):
             laws = self._files.laws(document.laws)
             if name in document.materials:
                 laws |= self._files.laws(document.materials[name].laws)
-        known = {*made.materials, *self._limb.tissues}
-        return made.replace(**{k: v for k, v in laws.items() if k in known}).named(label)
+        with error_context(self._path, f"materials.{name}"):
+            return replace(paper.replace_known(laws, self._limb.tissues), name=label)
 
     def _placement(self, socket: Socket, name: str) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""
