@@ -1,7 +1,7 @@
 """Hand-made results in a folder, as a study writes them, for the tests of the report."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -150,14 +150,14 @@ def write_results(
         pd.concat(rows).to_csv(folder / f"{file}.csv", index=False, float_format=FLOAT_FORMAT)
     laws = {
         name: {
-            tissue: {"law": law.name, **asdict(law)}
+            tissue: law.model_dump(mode="json")
             for tissue, law in case_laws(Case("", name), settings).items()
         }
         for name in ("separate", "combined")
     }
     run = {
         "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        "inputs": {"settings": asdict(settings)},
+        "inputs": {"settings": settings.record()},
         "laws": laws,
         "limb": load_limb().model_dump(mode="json"),
         "sockets": load_sockets().model_dump(mode="json"),

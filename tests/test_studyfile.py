@@ -62,7 +62,7 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     assert [case.name for case in study.cases] == ["HS_separate", "HS_combined"]
     assert study.known == tuple(all_cases(load_sockets()))
     assert study.settings.size == "coarse" and study.settings.contact.fric_coeff == 0.3
-    assert study.settings.materials == {"fat": Hencky(0.003, 0.4)}
+    assert study.settings.materials == {"fat": Hencky(e=0.003, nu=0.4)}
     assert study.origin["content"]["model"]["friction"] == 0.3
     assert study.origin["files"][str(law)]["content"]["nu"] == 0.4
 
@@ -154,7 +154,7 @@ def test_numbers_with_units_reach_the_socket(plan):
     assert isinstance(shape, NormalOffset)
     assert (shape.base, shape.wall_thickness, shape.bumps[0].amplitude) == (0.5, 3.0, 0.5)
     assert shape.bumps[0].center == pytest.approx(180)
-    assert case.settings.materials == {"socket": Hencky(2200.0, SOCKET.nu)}
+    assert case.settings.materials == {"socket": Hencky(e=2200.0, nu=SOCKET.nu)}
     # The whole skin is moved inward by 0.5 mm or more.
     assert made.placements["a"].touching == 1
     assert made.placements["a"].largest_overlap == pytest.approx(1.0, abs=0.02)
@@ -217,11 +217,11 @@ def test_laws_by_tissue_and_by_region(plan):
     own, shared, paper = (
         region_laws(case, case.settings or made.settings, limb) for case in made.cases
     )
-    assert own["subcutaneous_fat"] == Ogden((0.002,), (2.0,), 10.0)
-    assert own["soleus"] == Hencky(0.03, 0.45) != own["tibialis_anterior"]
+    assert own["subcutaneous_fat"] == Ogden(mu=(0.002,), alpha=(2.0,), d1=10.0)
+    assert own["soleus"] == Hencky(e=0.03, nu=0.45) != own["tibialis_anterior"]
     assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
-    assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(0.012, 0.49)
+    assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(e=0.012, nu=0.49)
     laws = laws_of_sets(made.cases, made.settings, limb)
     assert list(laws) == ["separate", "combined", "own", "shared"]
     assert laws["own"]["soleus"]["e"] == 0.03 and "soleus" not in laws["shared"]
@@ -307,7 +307,7 @@ def test_values_that_make_no_word_are_counted(plan):
     tables = ", ".join(f'{{ law = "hencky", e = "3 kPa", nu = {law["nu"]} }}' for law in laws)
     made = plan(BASE + f"[sweep.grid]\nmaterials.soft.fat = [{tables}]\n")
     assert names(made)[1:3] == ["TC_soft@fat=value-1", "TC_soft@fat=value-2"]
-    assert made.cases[2].settings.materials["fat"] == Hencky(0.003, 0.45)
+    assert made.cases[2].settings.materials["fat"] == Hencky(e=0.003, nu=0.45)
 
 
 def test_parameters_of_one_name_are_told_apart(plan):

@@ -4,10 +4,14 @@ import argparse
 import contextlib
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from calfsocket.io.errors import InputError
+
 if TYPE_CHECKING:
-    from calfsocket.materials.tissues import MaterialSet
+    from calfsocket.materials.law import Law
+    from calfsocket.materials.material_set import BaseSet
 
 
 class Options(Protocol):
@@ -69,7 +73,7 @@ def friction_coefficient(word: str) -> float:
     raise argparse.ArgumentTypeError(f"{word}; give a number of 0 or more")
 
 
-def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"]) -> dict[str, Any]:
+def model_settings(arguments: argparse.Namespace, sets: Sequence["BaseSet"]) -> dict[str, Any]:
     """Return what these options say, as the settings of a study and of a calibration have it.
 
     Raises
@@ -78,7 +82,6 @@ def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"])
         For an unknown mesh size, or a material file that cannot be used in these material sets.
     """
     from calfsocket.contact.nitsche import ContactParameters
-    from calfsocket.materials.file import read_materials
     from calfsocket.meshes.sizing import mesh_size
 
     return {
@@ -87,3 +90,37 @@ def model_settings(arguments: argparse.Namespace, sets: Sequence["MaterialSet"])
         "materials": read_materials(arguments.material, sets),
         "contact": ContactParameters(fric_coeff=arguments.friction),
     }
+
+
+def read_materials(words: Sequence[str], sets: Sequence["BaseSet"]) -> dict[str, "Law"]:
+    """Read the material files that take the place of Table 1's laws.
+
+    Parameters
+    ----------
+    words
+        ``TISSUE=FILE.toml`` each, where the tissue "combined" is muscle and fascia of that set.
+    sets
+        Material sets that are solved.
+
+    Raises
+    ------
+    InputError
+        For a word of another kind, a tissue that is repeated or in none of the sets, or a bad file.
+    """
+    from calfsocket.materials.file import read_material
+    from calfsocket.materials.material_set import MaterialSet
+
+    used = dict.fromkeys(tissue for name in sets for tissue in MaterialSet.paper(name).laws)
+    laws: dict[str, Law] = {}
+    for word in words:
+        tissue, equals, file = word.partition("=")
+        if not (equals and file):
+            raise InputError(f"--material {word}: write TISSUE=FILE.toml")
+        if tissue not in used:
+            raise InputError(
+                f"--material {word}: no case has a tissue {tissue!r}; use one of {', '.join(used)}"
+            )
+        if tissue in laws:
+            raise InputError(f"--material {word}: {tissue} is named twice; name it once")
+        laws[tissue] = read_material(Path(file))
+    return laws

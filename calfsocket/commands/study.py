@@ -91,13 +91,14 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
 def _study(arguments: argparse.Namespace) -> "Study":
     """Return what was asked for."""
+    from calfsocket.materials.material_set import BASE_SETS
     from calfsocket.study.build import to_study
     from calfsocket.study.reading import paper_study
-    from calfsocket.study.study import MATERIAL_SETS, select
+    from calfsocket.study.study import select
 
     paper = paper_study()
     sockets = select(arguments.sockets.split(","), list(paper.reference.sockets), "--sockets")
-    sets: list[Any] = select(arguments.materials.split(","), MATERIAL_SETS, "--materials")
+    sets: list[Any] = select(arguments.materials.split(","), BASE_SETS, "--materials")
     shared = options.model_settings(arguments, sets)  # refuses what is wrong, by its option
     model = {
         "size": shared["size"],

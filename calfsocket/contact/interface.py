@@ -131,10 +131,8 @@ class ContactInterface:
     ----------
     w : fem.Function
         Mixed unknowns; sub-space 0 is the displacement in mm.
-    law : str
-        Law of the skin's surface, one of `forms.mixed.LAW_IDS`.
-    fields : LawFields
-        Parameters of the laws.
+    material : Material
+        That of the skin's surface.
     facet_tags : MeshTags
         Tags of the boundary edges.
     skin_tag, socket_tag : int
@@ -157,8 +155,7 @@ class ContactInterface:
     def __init__(
         self,
         w: fem.Function,
-        law: str,
-        fields: mixed.LawFields,
+        material: mixed.Material,
         facet_tags: mesh.MeshTags,
         skin_tag: int,
         socket_tag: int,
@@ -181,9 +178,10 @@ class ContactInterface:
         on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         u, p_dof = ufl.split(w)
         du, dp_dof = ufl.TrialFunctions(V)
-        F, p, dp = (deformation_gradient(u), *(mixed.pressure(q, fields) for q in (p_dof, dp_dof)))
-        stress = mixed.first_piola(law, F, p, fields)
-        d_stress = mixed.first_piola_increment(law, F, p, ufl.grad(du), dp, fields)
+        F = deformation_gradient(u)
+        p, dp = (mixed.pressure(q, material.pressure_scale) for q in (p_dof, dp_dof))
+        stress = mixed.first_piola(material, F, p)
+        d_stress = mixed.first_piola_increment(material, F, p, ufl.grad(du), dp)
         self._stress = fem.Expression(stress, on_edge, comm=self._comm)
         self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
         self.points, self._normal = self._skin_points(on_edge)

@@ -16,10 +16,10 @@ from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.io.errors import InputError
-from calfsocket.materials.laws import Law, law_fields, law_tags
+from calfsocket.materials.fields import LawFields, kind
+from calfsocket.materials.law import Law
 from calfsocket.mechanics.condensation import CondensedTangent
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
-from calfsocket.mechanics.kernels.laws import parameter_list
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 
@@ -84,9 +84,7 @@ class Model:
         self.comm: MPI.Comm = domain.comm
         self.V = fem.functionspace(domain, section_element())
         self.w = fem.Function(self.V, name="displacement_and_pressure")
-        laws = {section.regions[name]: law for name, law in region_laws.items()}
-        self.fields = law_fields(domain, section.cell_tags, laws)
-        self.law_tags = law_tags(domain, section.cell_tags, laws)
+        self.fields = LawFields(domain, section.cell_tags, section.regions, region_laws)
         frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
         stiffness = self.bedding_stiffness(frictionless)
         bedding = None
@@ -94,14 +92,7 @@ class Model:
             self.bedding = self._by_region(stiffness)
             self.anchor = fem.Function(self.V)
             bedding = self.bedding, self.anchor
-        owned = domain.topology.index_map(2).size_local
-        of_laws = {law: self.law_tags.find(tag) for law, tag in mixed.LAW_IDS.items()}
-        self._tissues = CellLoops(
-            self.w,
-            self.fields,
-            {law: cells[cells < owned] for law, cells in of_laws.items()},
-            bedding,
-        )
+        self._tissues = CellLoops(self.w, self.fields, bedding)
         self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
         held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
         if socket_support == "outer-fixed":
@@ -111,8 +102,7 @@ class Model:
         self._fix(held)
         self.contact = self.interface(
             self.w,
-            self._skin_law(),
-            self.fields,
+            self._skin_material(),
             section.facet_tags,
             section.boundaries[tags.SKIN_SURFACE],
             section.boundaries[tags.SOCKET_INNER],
@@ -120,26 +110,15 @@ class Model:
         )
 
     def set_laws(self, region_laws: Mapping[str, Law]) -> None:
-        """Give regions other parameters of the laws that they have; nothing is compiled again.
+        """Change the parameters of regions' laws; nothing is compiled again.
 
         Raises
         ------
         ValueError
             If a region would change its kind of law.
         """
-        laws = self.region_laws | dict(region_laws)
-        for name, law in laws.items():
-            if law.name != self.region_laws[name].name:
-                raise ValueError(f"{name} is {self.region_laws[name].name}, not {law.name}")
-        section = self.section
-        fields = law_fields(
-            section.mesh,
-            section.cell_tags,
-            {section.regions[name]: law for name, law in laws.items()},
-        )
-        for mine, new in zip(parameter_list(self.fields), parameter_list(fields), strict=True):
-            mine.x.array[:] = new.x.array
-        self.region_laws = laws
+        self.fields.set_laws(region_laws)
+        self.region_laws |= region_laws
 
     # -- for the solver -------------------------------------------------------------------------
 
@@ -314,8 +293,8 @@ class Model:
         regions[cells.indices] = cells.values
         return regions
 
-    def _skin_law(self) -> str:
-        """Return the kind of law of the cells on the skin's surface, the same on every rank."""
+    def _skin_material(self) -> mixed.Material:
+        """Material of the cells on the skin's surface, the same on every rank."""
         section = self.section
         section.mesh.topology.create_connectivity(1, 2)
         facet_to_cell = section.mesh.topology.connectivity(1, 2)
@@ -323,9 +302,8 @@ class Model:
         facets = section.facet_tags.find(section.boundaries[tags.SKIN_SURFACE])
         mine = {int(regions[facet_to_cell.links(facet)[0]]) for facet in facets}
         names = {tag: name for name, tag in section.regions.items()}
-        kinds = {
-            self.region_laws[names[tag]].name for part in self.comm.allgather(mine) for tag in part
-        }
-        if len(kinds) != 1:
-            raise InputError(f"skin surface: laws {sorted(kinds)} meet there; one is allowed")
-        return kinds.pop()
+        there = {names[tag] for part in self.comm.allgather(mine) for tag in part}
+        if len({kind(self.region_laws[name]) for name in there}) != 1:
+            laws = sorted({self.region_laws[name].name for name in there})
+            raise InputError(f"skin surface: laws {laws} meet there; one is allowed")
+        return self.fields.of_region(there.pop())

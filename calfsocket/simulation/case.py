@@ -1,9 +1,9 @@
 """One run of the study: a socket and a material set, solved."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, cast
 
 from mpi4py import MPI
@@ -11,7 +11,8 @@ from mpi4py import MPI
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.io.errors import SolveError
 from calfsocket.materials.laws import Law, OgdenForm
-from calfsocket.materials.tissues import FasciaC10, MaterialSet, material_set
+from calfsocket.materials.material_set import BaseSet, MaterialSet
+from calfsocket.materials.tissues import FasciaC10
 from calfsocket.mechanics.problem import Model, SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, Milestone, StepControl, Stepper
 from calfsocket.meshes import tags
@@ -47,7 +48,7 @@ class Case:
 
     socket: str
     material_set: str
-    base: MaterialSet | None = None
+    base: BaseSet | None = None
     settings: "Settings | None" = field(default=None, hash=False)
     changes: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
@@ -62,9 +63,9 @@ class Case:
         return self.socket, self.material_set
 
     @property
-    def paper_set(self) -> MaterialSet:
+    def paper_set(self) -> BaseSet:
         """The set of the paper that the case's own is, or starts from."""
-        return self.base or cast(MaterialSet, self.material_set)
+        return self.base or cast(BaseSet, self.material_set)
 
 
 @dataclass(frozen=True)
@@ -97,24 +98,32 @@ class Settings:
     contact: ContactParameters = field(default_factory=ContactParameters)
     steps: StepControl = field(default_factory=StepControl)
 
+    def record(self) -> dict[str, Any]:
+        """Return them as JSON has them."""
+        laws = {name: law.model_dump(mode="json") for name, law in self.materials.items()}
+        return {**asdict(replace(self, materials={})), "materials": laws}
+
 
 def region_tissues(limb: Limb) -> dict[str, str]:
     """Tissue of each region, the socket among them."""
     return {region.name: region.tissue for region in limb.regions} | {tags.SOCKET: tags.SOCKET}
 
 
+def material_set(case: Case, settings: Settings, regions: Iterable[str] = ()) -> MaterialSet:
+    """Material set of a case on a limb with these regions; it has no place for other laws."""
+    paper = MaterialSet.paper(case.paper_set, settings.fascia_c10, settings.ogden_form)
+    return replace(paper, name=case.material_set).replace_known(settings.materials, regions)
+
+
 def case_laws(case: Case, settings: Settings) -> dict[str, Law]:
     """Law of each tissue in a case."""
-    return material_set(
-        case.paper_set, settings.fascia_c10, settings.ogden_form, settings.materials
-    )
+    return material_set(case, settings).tissue_laws()
 
 
 def region_laws(case: Case, settings: Settings, limb: Limb) -> dict[str, Law]:
     """Law of each region in a case, the socket among them: its own, or that of its tissue."""
-    laws = case_laws(case, settings)
-    own = settings.materials
-    return {name: own.get(name, laws[tissue]) for name, tissue in region_tissues(limb).items()}
+    tissues = {region.name: region.tissue for region in limb.regions}
+    return material_set(case, settings, tissues).region_laws(tissues)
 
 
 def step_control(case: Case, settings: Settings) -> StepControl:

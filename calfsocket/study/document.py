@@ -9,7 +9,8 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict
 from calfsocket.io.units import SHARE, STRESS
 from calfsocket.materials.laws import OgdenForm
-from calfsocket.materials.tissues import MATERIAL_SETS, FasciaC10
+from calfsocket.materials.material_set import BASE_SETS
+from calfsocket.materials.tissues import FasciaC10
 from calfsocket.mechanics.problem import SocketSupport
 from calfsocket.mechanics.stepping import StepControl
 from calfsocket.meshes.sizing import mesh_size
@@ -174,7 +175,7 @@ class Document(Strict):
     @field_validator("materials")
     @classmethod
     def _not_the_papers(cls, value: dict[str, Any]) -> dict[str, Any]:
-        return _own_names(value, MATERIAL_SETS, "a set of the paper")
+        return _own_names(value, BASE_SETS, "a set of the paper")
 
 
 def _own_names(value: dict[str, Any], taken: tuple[str, ...], what: str) -> dict[str, Any]:

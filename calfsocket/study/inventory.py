@@ -1,10 +1,9 @@
 """What run.json tells of the cases and of their laws."""
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from typing import Any
 
-from calfsocket.materials.tissues import MATERIAL_SETS
+from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.meshes.data import Limb
 from calfsocket.simulation.case import Case, Settings, case_laws
 
@@ -28,13 +27,13 @@ def laws_of_sets(
     """
     regions = {region.name for region in limb.regions}
     found: dict[str, dict[str, dict[str, Any]]] = {}
-    for case in (*(Case("", name) for name in MATERIAL_SETS), *cases):
+    for case in (*(Case("", name) for name in BASE_SETS), *cases):
         if case.material_set in found:
             continue
         shared = case.settings or settings
         own = {name: law for name, law in shared.materials.items() if name in regions}
         found[case.material_set] = {
-            name: {"law": law.name, **asdict(law)}
+            name: law.model_dump(mode="json")
             for name, law in {**own, **case_laws(case, shared)}.items()
         }
     return found

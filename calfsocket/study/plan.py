@@ -11,12 +11,12 @@ from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.laws import Law
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet, materials_of
+from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.mechanics.stepping import StepControl
 from calfsocket.meshes.data import Limb, Shape, Sockets
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.postprocess.thresholds import Threshold
-from calfsocket.simulation.case import Case, Settings, case_laws
+from calfsocket.simulation.case import Case, Settings, material_set
 from calfsocket.study import parameters as changes
 from calfsocket.study.document import REFERENCE_SOCKETS, Document
 from calfsocket.study.files import Files
@@ -187,7 +187,7 @@ class Planner:
                     yield _Asked(socket, materials, {}, "", "study")
 
     def _known(self, document: Document, key: str) -> list[str]:
-        own = {"sockets": REFERENCE_SOCKETS, "materials": MATERIAL_SETS}[key]
+        own = {"sockets": REFERENCE_SOCKETS, "materials": BASE_SETS}[key]
         return [*own, *getattr(document, key)]
 
     def _check_names(self, document: Document) -> None:
@@ -208,14 +208,12 @@ class Planner:
             self._check_tissues(f"materials.{name}", entry.model_extra or {}, [entry.like])
         used = [*document.study.materials, *(case.materials for case in document.cases)]
         own = {name: entry.like for name, entry in document.materials.items()}
-        sets = [own.get(name, cast(MaterialSet, name)) for name in used]
+        sets = [own.get(name, cast(BaseSet, name)) for name in used]
         self._check_tissues("laws", document.laws, sets)
 
-    def _check_tissues(
-        self, place: str, entries: Mapping[str, Any], sets: list[MaterialSet]
-    ) -> None:
+    def _check_tissues(self, place: str, entries: Mapping[str, Any], sets: list[BaseSet]) -> None:
         regions = [region.name for region in self._limb.regions]
-        tissues = [name for each in sets for name in materials_of(each).values()]
+        tissues = [name for each in sets for name in MaterialSet.paper(each).laws]
         for name in entries:
             if name not in (*tissues, *regions):
                 near = difflib.get_close_matches(name, [*tissues, *regions], n=1)
@@ -309,13 +307,8 @@ class Planner:
         if entry is None:
             return
         case = Case(asked.socket, asked.materials, entry.like)
-        of_tissue = case_laws(case, settings)
-        soft = ("skin", "fat", "muscle", "fascia", "vessel")
-        if all(of_tissue[tissue].bulk_modulus == float("inf") for tissue in soft):
-            raise InputError(
-                f"{self._path}: materials.{asked.materials}: every soft tissue is incompressible, "
-                "and a socket takes some of the limb's area; give at least one nu < 0.5 or d1 > 0"
-            )
+        with error_context(self._path):
+            material_set(case, settings, [region.name for region in self._limb.regions])
 
     def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:
         """Refuse two cases with one folder, also where capitals make no difference."""
@@ -356,6 +349,6 @@ def _joined(*words: str) -> str:
     return "@".join(word for word in words if word)
 
 
-def _paper_set(name: str, label: str) -> MaterialSet | None:
+def _paper_set(name: str, label: str) -> BaseSet | None:
     """Return the set of the paper that a label stands for; None where it is called so."""
-    return None if name == label else cast(MaterialSet, name)
+    return None if name == label else cast(BaseSet, name)

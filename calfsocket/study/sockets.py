@@ -6,7 +6,7 @@ from pydantic import Discriminator, Field, Tag
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict
-from calfsocket.materials.entry import Stress
+from calfsocket.materials.law import Stress
 from calfsocket.materials.laws import Hencky
 from calfsocket.materials.tissues import SOCKET
 from calfsocket.meshes.data import Bump, CircleBlend, NormalOffset, Outline, Shape
@@ -48,7 +48,7 @@ class Wall(Strict):
         if self.modulus is None and self.poisson is None:
             return None
         modulus = SOCKET.e if self.modulus is None else self.modulus
-        return Hencky(modulus, SOCKET.nu if self.poisson is None else self.poisson)
+        return Hencky(e=modulus, nu=SOCKET.nu if self.poisson is None else self.poisson)
 
     def shape(self, files: Files, known: dict[str, Shape]) -> Shape:
         """Return the law of the inner face with its numbers in mm and degrees."""

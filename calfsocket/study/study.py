@@ -14,15 +14,14 @@ from mpi4py import MPI
 from rich.console import Console
 
 from calfsocket.io.errors import CalfsocketError, InputError
-from calfsocket.materials.laws import ogden_terms
-from calfsocket.materials.tissues import MATERIAL_SETS
+from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
 from calfsocket.meshes.placement import check_placement
 from calfsocket.parallel.progress import Event, Reporter
 from calfsocket.parallel.scheduler import Farm
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation import precompile as compilation
-from calfsocket.simulation.case import Case, Settings, region_laws
+from calfsocket.simulation.case import Case, Settings, material_set
 from calfsocket.study.inventory import about
 from calfsocket.study.record import FILES, RUN_FILE, Ledger
 from calfsocket.study.runner import try_case
@@ -94,7 +93,7 @@ class Study:
     def inputs(self) -> dict[str, Any]:
         """Everything that the results depend on, apart from the choice of cases."""
         return {
-            "settings": asdict(self.settings),
+            "settings": self.settings.record(),
             "limb": _fingerprint(self.limb.model_dump_json()),
             "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
             "thresholds": [asdict(threshold) for threshold in self.thresholds],
@@ -110,7 +109,7 @@ class Study:
         own = {
             "socket": self.socket(case).model_dump(mode="json", exclude_none=True),
             "set": case.paper_set,
-            "settings": asdict(self.settings_of(case)),
+            "settings": self.settings_of(case).record(),
         }
         return _fingerprint(json.dumps(own))
 
@@ -172,10 +171,10 @@ def run_study(
                 ledger.record(message)
 
         with reporter or nullcontext():
-            laws = [
-                region_laws(case, study.settings_of(case), study.limb).values() for case in cases
-            ]
-            compilation.warm(comm, map(ogden_terms, laws))
+            regions = [region.name for region in study.limb.regions]
+            compilation.warm(
+                comm, [material_set(case, study.settings_of(case), regions) for case in cases]
+            )
             farm = Farm(comm, len(cases), ranks_per_case, on_report)
             if farm.n_groups > 1:
                 cases = longest_first(study, cases)
@@ -251,7 +250,7 @@ def check_folder(study: Study, overwrite: bool) -> None:
 
 def all_cases(sockets: Sockets) -> list[Case]:
     """Every socket with every material set, in the order of the tables."""
-    return [Case(socket, name) for socket in sockets.sockets for name in MATERIAL_SETS]
+    return [Case(socket, name) for socket in sockets.sockets for name in BASE_SETS]
 
 
 def _fingerprint(text: str) -> str:
