@@ -1,13 +1,12 @@
 """A hand-made calibration in a folder, as `calibrate` writes it, for the tests of the report."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
 from PIL import Image
 
 from calfsocket.io.files import write_json
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 
 FORCE = {
     "separate": (10.0, 20.0, 30.0, 40.0),
@@ -24,8 +23,8 @@ def write_calibration(
     folder.mkdir(parents=True)
     fitted = {"mu_kPa": 11.0, "alpha": 9.0, "d1_per_MPa": 1.83, "alpha_at_limit": False}
     covariance = [[0.0004, 0.0], [0.0, 0.0225]]
-    separate = material_set("separate")
-    laws = {tissue: {"law": law.name, **asdict(law)} for tissue, law in separate.items()}
+    separate = MaterialSet.paper("separate").tissue_laws()
+    laws = {tissue: law.model_dump(mode="json") for tissue, law in separate.items()}
     content = {
         "program": "calfsocket calibrate",
         "inputs": {

@@ -186,7 +186,7 @@ def write_results(
         pd.concat(parts).to_csv(path, index=False, float_format=FLOAT_FORMAT)
     laws = {
         name: {
-            tissue: {"law": law.name, **asdict(law)}
+            tissue: law.model_dump(mode="json")
             for tissue, law in case_laws(Case("", name), settings).items()
         }
         for name in ("separate", "combined")

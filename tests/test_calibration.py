@@ -20,7 +20,8 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError, SolveError
 from calfsocket.materials.file import read_material
 from calfsocket.materials.laws import Ogden
-from calfsocket.materials.tissues import MUSCLE, SOCKET, material_set
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import MUSCLE, SOCKET
 from calfsocket.meshes.compound import Compound, load_compound
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import mesh_size
@@ -55,18 +56,18 @@ DISPLACEMENTS = np.array([0.6, 1.2, 1.8, 2.4])
 
 @pytest.fixture(scope="module")
 def combined(specimen) -> Indentation:
-    return Indentation(specimen, material_set("combined"), Contact())
+    return Indentation(specimen, MaterialSet.paper("combined").tissue_laws(), Contact())
 
 
 def laws(law: Ogden) -> dict:
-    return material_set("combined") | {"muscle": law, "fascia": law}
+    return MaterialSet.paper("combined").tissue_laws() | {"muscle": law, "fascia": law}
 
 
 def test_one_material_between_smooth_sides_is_compressed_as_on_paper():
     # A plate over all of it, no friction, sides that slide: stretches 1, l, 1 with l = 1 - u/H, so
     # J = l, and F = width dU/dl of U = 2 mu/a^2 (l^(-a/3) (2 + l^a) - 3) + K/2 (l - 1)^2.
     mu, a, K = 0.01, 6.0, 0.05
-    law = Ogden((mu,), (a,), 2 / K)
+    law = Ogden(mu=(mu,), alpha=(a,), d1=2 / K)
     compound = small_compound(plate={"width": 40.0, "edge_radius": 3.0, "thickness": 5.0})
     test = Indentation(
         compound_specimen(MPI.COMM_SELF, compound, COARSE),
@@ -125,7 +126,7 @@ def test_a_step_too_long_is_halved(combined):
 
 
 def test_no_equilibrium_at_all_is_said(specimen):
-    test = Indentation(specimen, material_set("combined"), Contact())
+    test = Indentation(specimen, MaterialSet.paper("combined").tissue_laws(), Contact())
 
     def fail():
         raise SolveError("never")
@@ -200,8 +201,8 @@ def test_a_fit_needs_more_points_than_parameters():
 
 
 def test_kinds_of_laws_cannot_change(combined):
-    with pytest.raises(ValueError, match="fascia is ogden, not yeoh"):
-        combined.set_laws(material_set("separate"))
+    with pytest.raises(ValueError, match="fascia: is ogden with 2 coefficients, not yeoh"):
+        combined.set_laws(MaterialSet.paper("separate").tissue_laws())
 
 
 def test_calibration_from_start_to_files(tmp_path):
@@ -294,9 +295,9 @@ def test_curves_are_the_same_on_several_ranks(mpirun):
         "from calfsocket.contact.parameters import Contact;"
         "from calfsocket.meshes.compound import load_compound;"
         "from calfsocket.meshes.sizing import mesh_size;"
-        "from calfsocket.materials.tissues import material_set;"
+        "from calfsocket.materials.material_set import MaterialSet;"
         "s = compound_specimen(MPI.COMM_WORLD, load_compound(), mesh_size('coarse'));"
-        "t = Indentation(s, material_set('separate'), Contact());"
+        "t = Indentation(s, MaterialSet.paper('separate').tissue_laws(), Contact());"
         "c = t.curve(np.array([0.6, 1.2]), count_modes=True);"
         "print(c.force.tolist() + c.negative_modes.tolist()) if MPI.COMM_WORLD.rank == 0 else None"
     )

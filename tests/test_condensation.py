@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from calfsocket.contact.parameters import Contact
 from calfsocket.forms import mixed
 from calfsocket.materials.laws import Hencky
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import SUPPORT_STIFFNESS, limb_problem
 from calfsocket.mechanics.newton import Newton
 from calfsocket.mechanics.problem import LARGEST_BULK_RATIO
@@ -26,7 +26,7 @@ LAYERS = [
     ("fat", 30.0, 31.0),
     ("skin", 31.0, 32.0),
 ]
-SEPARATE = material_set("separate")
+SEPARATE = MaterialSet.paper("separate").tissue_laws()
 
 
 # Just stiff enough in volume for its constant pressure to stay outside, K/mu = 1100.
@@ -51,8 +51,8 @@ def state(model, size=1e-3, seed=3):
 
 def assembled(model):
     """The tissues' tangent by dolfinx, from the same weak form that has the residual."""
-    dx = mixed.volume_measure(model.section.mesh, model.law_tags)
-    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields, dx)))
+    dx = mixed.volume_measure(model.section.mesh, model.fields.tags)
+    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields.materials, dx)))
     A.assemble()
     A.zeroRowsColumns(model.constrained.astype(PETSc.IntType), diag=1.0)
     return A
@@ -193,7 +193,7 @@ def test_laws_that_become_incompressible_keep_their_constant_pressure():
     solver = state(model)
     outside = len(solver._A.getPythonContext()._dofs)
     muscle = SEPARATE["muscle"]
-    model.set_laws({"muscle": replace(muscle, d1=0.0)})
+    model.set_laws({"muscle": muscle.model_copy(update={"d1": 0.0})})
     solver.factorise()
     cells_of_muscle = model.section.cell_tags.find(model.section.regions["muscle"])
     assert len(solver._A.getPythonContext()._dofs) == outside + len(cells_of_muscle)

@@ -9,13 +9,13 @@ from rich.console import Console
 from rich.table import Table
 
 from calfsocket.calibration.fit import NU, Fit
-from calfsocket.calibration.run import Calibration, Settings
+from calfsocket.calibration.run import Calibration, Settings, separate_laws
 from calfsocket.calibration.specimen import LIMB_PLATE
 from calfsocket.io.files import replacing, write_json
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.io.versions import versions
 from calfsocket.materials.file import write_material
-from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA, material_set
+from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA
 from calfsocket.report.calibration import (
     CURVES_FILE,
     FITTED,
@@ -63,7 +63,7 @@ def content(calibration: Calibration, settings: Settings) -> dict[str, Any]:
     on_compound = settings.specimen == "compound"
     geometry = settings.compound if on_compound else settings.limb
     plate = settings.compound.plate if on_compound else LIMB_PLATE
-    separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
+    separate = separate_laws(settings)
     return {
         "program": "calfsocket calibrate",
         "versions": versions(),
@@ -78,7 +78,7 @@ def content(calibration: Calibration, settings: Settings) -> dict[str, Any]:
             "contact": settings.contact.model_dump(),
             "free_d": settings.free_d,
             "nu": None if settings.free_d else NU,
-            "laws": {tissue: {"law": law.name, **asdict(law)} for tissue, law in separate.items()},
+            "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
         },
         "fits": [_fit(fit) for fit in calibration.fits],
         "table1": {

@@ -14,7 +14,8 @@ from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_sp
 from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law, Ogden
-from calfsocket.materials.tissues import FasciaC10, material_set
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import FasciaC10
 from calfsocket.meshes.compound import Compound
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import named_size
@@ -127,6 +128,12 @@ class Calibration:
         }
 
 
+def separate_laws(settings: Settings) -> dict[str, Law]:
+    """Laws of the separate materials, by tissue."""
+    paper = MaterialSet.paper("separate", settings.fascia_c10)
+    return paper.replace_known(settings.materials or {}).tissue_laws()
+
+
 def calibrate(
     comm: MPI.Comm, settings: Settings, tell: Callable[[str], None] = lambda text: None
 ) -> Calibration:
@@ -143,7 +150,7 @@ def calibrate(
     """
     specimen = _specimen(comm, settings)
     displacements = specimen.stroke / settings.points * np.arange(1.0, settings.points + 1)
-    separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
+    separate = separate_laws(settings)
     curves = {}
 
     def press(name: str, laws: Mapping[str, Law]) -> Indentation:
@@ -159,7 +166,7 @@ def calibrate(
     def combined(law: Law) -> dict[str, Law]:
         return separate | {"muscle": law, "fascia": law}
 
-    table1 = material_set("combined", materials=settings.materials)["muscle"]
+    table1 = MaterialSet.paper("combined").replace_known(settings.materials or {}).laws["combined"]
     test = press(TABLE1, combined(table1))
 
     def curve_of(law: Ogden, neighbours: Sequence[Ogden]) -> Curve:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, checked, read_text
-from calfsocket.materials.law import AnyLaw
+from calfsocket.materials.laws import AnyLaw
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket
 

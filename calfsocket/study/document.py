@@ -10,15 +10,16 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict
 from calfsocket.io.units import SHARE, STRESS
-from calfsocket.materials.material_set import BASE_SETS, MaterialSetTable
+from calfsocket.materials.laws import OgdenForm
+from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
-from calfsocket.materials.law import OgdenForm
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
 from calfsocket.simulation.simulation import checked_size
+from calfsocket.study.materials import LawOrFile, MaterialSetTable
 from calfsocket.study.names import File, Name
 from calfsocket.study.sweep import Sweep
 

@@ -15,7 +15,8 @@ from petsc4py import PETSc
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.io.errors import SolveError
-from calfsocket.materials.laws import Law, law_fields, law_tags
+from calfsocket.materials.fields import LawFields
+from calfsocket.materials.law import Law
 from calfsocket.mechanics.kernels.library import JIT_OPTIONS
 from calfsocket.mechanics.newton import Solver
 from calfsocket.meshes.distributed import SectionMesh
@@ -54,11 +55,12 @@ class Body:
         self.section = section
         self.V = fem.functionspace(domain, section_element() if element is None else element)
         self.w = fem.Function(self.V)
-        by_tag = {section.regions[name]: law for name, law in laws.items()}
-        self.fields = law_fields(domain, section.cell_tags, by_tag)
-        dx = mixed.volume_measure(domain, law_tags(domain, section.cell_tags, by_tag))
-        self._residual = fem.form(mixed.residual(self.w, self.fields, dx), jit_options=JIT_OPTIONS)
-        self._tangent = fem.form(mixed.tangent(self.w, self.fields, dx), jit_options=JIT_OPTIONS)
+        self.fields = LawFields(domain, section.cell_tags, section.regions, laws)
+        dx = mixed.volume_measure(domain, self.fields.tags)
+        self._residual, self._tangent = (
+            fem.form(form(self.w, self.fields.materials, dx), jit_options=JIT_OPTIONS)
+            for form in (mixed.residual, mixed.tangent)
+        )
         self._load = np.zeros_like(self.w.x.array)
         if loads is not None:
             form = fem.form(loads(ufl.TestFunctions(self.V)[0]))
@@ -207,7 +209,7 @@ def at_points(body: Body, degree: int = 8) -> Points:
         x=evaluate(ufl.SpatialCoordinate(domain)),
         u=evaluate(u),
         F=evaluate(ufl.Identity(2) + ufl.grad(u)).reshape(2, 2, -1),
-        p=evaluate(mixed.pressure(p_dof, body.fields))[0],
+        p=evaluate(mixed.pressure(p_dof, body.fields.pressure_scale))[0],
         weight=area * np.tile(weights, len(cells)),
         region=np.repeat(region, len(points)),
     )

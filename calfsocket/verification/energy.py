@@ -96,12 +96,13 @@ class EnergyMeter:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        domain, cells = model.section.mesh, model.law_tags
+        domain, cells = model.section.mesh, model.fields.tags
         of_socket = model.region_ids()[cells.indices] == model.section.regions[tags.SOCKET]
         self._stored = []
         for part in (~of_socket, of_socket):
             laws = mesh.meshtags(domain, 2, cells.indices[part], cells.values[part])
-            potential = mixed.potential(model.w, model.fields, mixed.volume_measure(domain, laws))
+            dx = mixed.volume_measure(domain, laws)
+            potential = mixed.potential(model.w, model.fields.materials, dx)
             self._stored.append(fem.form(potential, jit_options=JIT_OPTIONS))
         contact = model.contact
         state = contact.state()

@@ -24,7 +24,7 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.materials.tissues import MaterialSet, material_set
+from calfsocket.materials.material_set import BaseSet, MaterialSet
 from calfsocket.mechanics.problem import Model
 from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
 from calfsocket.meshes.rings import ring_mesh
@@ -46,7 +46,7 @@ OVERCLOSURE = 0.92
 """mm; 5.3 % of the limb's area, as much as the tightest socket of the study takes off. No quarter
 of it is within 5 % of an overclosure at which another wave becomes unstable."""
 
-MATERIALS: tuple[MaterialSet, ...] = ("separate", "combined")
+MATERIALS: tuple[BaseSet, ...] = ("separate", "combined")
 STEPS = 4
 WAVES = range(41)
 
@@ -135,7 +135,7 @@ class RingCase:
 
 
 def solve_ring(
-    material: MaterialSet,
+    material: BaseSet,
     overclosure: float,
     h: float,
     steps: int = 1,
@@ -159,7 +159,7 @@ def solve_ring(
     count_modes : bool
         Whether negative modes are counted at each step.
     """
-    laws = material_set(material)
+    laws = MaterialSet.paper(material).tissue_laws()
     inner = LIMB[-1].outer - overclosure
     layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
     section = ring_mesh(MPI.COMM_SELF, layers, (inner, inner + SOCKET_THICKNESS), h)
@@ -264,7 +264,7 @@ def report() -> Section:
     }
     checks = []
     for material in MATERIALS:
-        laws = material_set(material)
+        laws = MaterialSet.paper(material).tissue_laws()
         exact = exact_ring(laws, OVERCLOSURE)
         nodes = exact_ring(laws, OVERCLOSURE, nodes=28).pressure / exact.pressure - 1.0
         checks += [
@@ -294,7 +294,7 @@ def report() -> Section:
                     "exactly",
                 ),
             ]
-    gap, wave = onset(material_set("separate"), OVERCLOSURE, WAVES)
+    gap, wave = onset(MaterialSet.paper("separate").tissue_laws(), OVERCLOSURE, WAVES)
 
     def convergence(axes: Axes) -> None:
         for material, style in zip(MATERIALS, ("o-", "s--"), strict=True):
@@ -317,7 +317,7 @@ def report() -> Section:
         axes.legend(fontsize="small")
 
     def modes(axes: Axes) -> None:
-        laws = material_set("separate")
+        laws = MaterialSet.paper("separate").tissue_laws()
         share = np.linspace(0.05, 1.0, 20)
         counts = [
             sum(unstable_waves(exact_ring(laws, OVERCLOSURE, s).solution, WAVES).values())

@@ -17,7 +17,7 @@ from calfsocket.study.study import RUN_FILE, Study, check_folder, run_study
 
 
 def solved_study(
-    folder: Path, settings: Settings, material_sets: Sequence[MaterialSet] = MATERIAL_SETS
+    folder: Path, settings: Settings, material_sets: Sequence[BaseSet] = BASE_SETS
 ) -> Path:
     """Make sure that a folder holds the cases of all sockets, and return it.
 

@@ -15,7 +15,8 @@ import ufl
 from numpy.typing import NDArray
 
 from calfsocket.materials.laws import Law, Ogden
-from calfsocket.materials.tissues import FASCIA, MUSCLE, material_set
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import FASCIA, MUSCLE
 from calfsocket.verification.body import Body, at_points
 from calfsocket.verification.radial import RingLaw
 from calfsocket.verification.report import Check
@@ -43,12 +44,14 @@ class Patch:
     pressure: float
 
 
-STIFF_MUSCLE = Ogden(tuple(1e4 * mu for mu in MUSCLE.mu), MUSCLE.alpha, 1e-4 * MUSCLE.d1)
+STIFF_MUSCLE = Ogden(
+    mu=tuple(1e4 * mu for mu in MUSCLE.mu), alpha=MUSCLE.alpha, d1=1e-4 * MUSCLE.d1
+)
 
 
 def patch_strips() -> dict[str, list[Law]]:
     """Return strips of the patch tests: modulus ratio 1e4, incompressible, and all tissues."""
-    separate = material_set("separate")
+    separate = MaterialSet.paper("separate").tissue_laws()
     return {
         "muscle beside 1e4 times muscle": [MUSCLE, STIFF_MUSCLE, MUSCLE],
         "incompressible block": [FASCIA],

@@ -205,9 +205,7 @@ def law_moved(parameter: fem.Function) -> Iterator[None]:
 
 def law_parameters(model: Model) -> dict[str, fem.Function]:
     """Return the parameters of the laws, by name."""
-    fields = dict(vars(model.fields))
-    parameters = [*fields.pop("ogden_mu"), *fields.pop("ogden_alpha"), *fields.values()]
-    return {parameter.name: parameter for parameter in parameters}
+    return {parameter.name: parameter for parameter in model.fields.parameters}
 
 
 Moves = dict[tuple[str, str], tuple[float, float, bool]]
