@@ -31,7 +31,7 @@ from calfsocket.commands import (
     verify,
 )
 from calfsocket.io.errors import CalfsocketError, InputError
-from calfsocket.parallel.abort import all_arrive, abort_all, exit_code, handle_termination
+from calfsocket.parallel.abort import abort_all, all_arrive, exit_code, handle_termination
 
 PROGRAM = "python3 -m calfsocket"
 

@@ -10,9 +10,9 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.io.errors import SolveError, WriteError
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.newton import Newton
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps, Milestone
-from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import Socket
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError

@@ -6,11 +6,6 @@ import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.parameters import Contact
-from calfsocket.materials import tissues
-from calfsocket.materials.laws import Ogden, ogden_terms
-from calfsocket.mechanics.limb_problem import limb_problem
-from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.kernels import library
@@ -26,7 +21,7 @@ def use(material_set, friction, h):
     section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
     laws = MaterialSet.paper(material_set, "tables" if h > 4 else "printed").tissue_laws()
     regions = {name: laws[name] for name in section.regions}
-    model = Model(section, regions, ContactParameters(fric_coeff=friction))
+    model = limb_problem(section, regions, Contact(friction=friction))
     model.create_matrix()
     section_fields(model, {name: name for name in section.regions})
     contact_line(model)

@@ -16,6 +16,7 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
+from calfsocket.simulation import simulation
 from calfsocket.simulation.precompile import precompile
 from calfsocket.study import restart, runner
 from reliability import Trial

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from mpi4py import MPI
 
 from reliability import Trial
 from test_faults import entries

@@ -3,7 +3,6 @@
 import json
 import re
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -92,7 +91,10 @@ def test_the_example_passes_check_and_states_the_defaults(tmp_path, monkeypatch,
     assert "4 cases" in capsys.readouterr().out
     content = tomllib.loads(example())
     checked = document.Document.model_validate(content)
-    assert content["model"].keys() | {"gamma", "gamma_t"} == document.ModelTable.model_fields.keys() - {"gauss_points"}
+    assert content["model"].keys() | {
+        "gamma",
+        "gamma_t",
+    } == document.ModelTable.model_fields.keys() - {"gauss_points"}
     assert content["steps"].keys() <= document.LoadSteps.model_fields.keys()
     assert checked.model == document.ModelTable() and checked.steps == document.LoadSteps()
 

@@ -1,6 +1,5 @@
 """What a calibration leaves: curves.csv, calibration.json, a material file, and tables to read."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 

@@ -29,7 +29,8 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Verify it, and list the cases."""
     from calfsocket.study.study import Study
 
-    on_first_rank(comm, lambda: print(listing(arguments.file, Study.read(arguments.file).plan), end=""))
+    file = arguments.file
+    on_first_rank(comm, lambda: print(listing(file, Study.read(file).plan), end=""))
     return OK
 
 

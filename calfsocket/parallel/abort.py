@@ -59,7 +59,7 @@ def abort_all(comm: "MPI.Intracomm", message: str, code: int) -> NoReturn:
     if not _another_reports(comm):
         _notify_others(comm, _REPORTING)
         print(message, file=sys.stderr, flush=True)
-    # Gives mpirun the time to pass the message on; where mpirun itself asked for the end, it ends the
+    # Gives mpirun the time to pass the message on; where it asked for the end itself, it ends the
     # ranks meanwhile.
     time.sleep(LISTENING_S)
     comm.Abort(code)

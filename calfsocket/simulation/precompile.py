@@ -56,9 +56,15 @@ def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> Non
             fcntl.flock(lock, fcntl.LOCK_EX)
             _throw_away_leftovers(folder)
             for laws in _problems(map(MaterialSet.paper, BASE_SETS) if sets is None else sets):
-                _use_all_forms(laws)
+                kinds = folder, *map(kind, laws)
+                if kinds not in _compiled:
+                    _use_all_forms(laws)
+                    _compiled.add(kinds)
     comm.Barrier()
 
+
+_compiled: set[tuple[Path | Kind, ...]] = set()
+"""Folder and kinds of laws for which this process has used all forms."""
 
 _used: dict[Path, IO[str]] = {}
 

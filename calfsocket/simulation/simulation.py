@@ -34,6 +34,7 @@ from calfsocket.simulation.profile import Phases, Profile
 from calfsocket.simulation.record import CaseRecord, Checks
 from calfsocket.simulation.result import STEP_COLUMNS, Result
 
+
 class Monitor:
     """Called while a simulation runs, on every rank; this one does nothing."""
 
@@ -45,7 +46,6 @@ class Monitor:
 
     def step(self, step: LoadStep) -> None:
         """Take a load step that converged or failed."""
-
 
     def resumed(self, start: Milestone) -> None:
         """Take the equilibrium that the simulation starts from, of an earlier run."""
@@ -132,7 +132,7 @@ class Simulation:
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """All that the result depends on, but for versions and PETSc's options, as JSON takes it."""
+        """All that the result depends on, except versions and PETSc's options, as JSON."""
         return {
             "limb": self.limb.model_dump(mode="json"),
             "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
@@ -183,7 +183,7 @@ class Simulation:
         monitor = monitor or Monitor()
         on_first_rank(self.comm, lambda: self.placement)
         monitor.message("mesh and set-up", 0.0, True)
-        precompile(self.comm, [self.region_laws.values()])
+        precompile(self.comm, [self.materials])
         with self.phases("mesh"):
             section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size)
         with self.phases("setup"):

@@ -15,7 +15,7 @@ from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.socket import AnySocket, Socket, resolved
+from calfsocket.meshes.socket import AnySocket, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
 from calfsocket.simulation.simulation import Simulation
@@ -50,7 +50,7 @@ class Case:
     """
 
     limb: Limb
-    socket: Socket
+    socket: AnySocket
     materials: MaterialSet
     document: Document
     of: tuple[str, str]
@@ -202,7 +202,7 @@ class Planner:
         self._path, self._content, self._files = path, content, files
         self._limb, self._reference = limb, reference
         self._documents: dict[str, Document] = {}
-        self._placements: dict[Socket, Placement] = {}
+        self._placements: dict[AnySocket, Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
         with error_context(path):
@@ -220,9 +220,7 @@ class Planner:
         seen: set[tuple[_Asked, str]] = set()
         for each in asked:
             for number, point in enumerate(self._points, 1):
-                own = sweep.reaching(
-                    {**each.changes, **point.changes}, each.socket, each.materials
-                )
+                own = sweep.reaching({**each.changes, **point.changes}, each.socket, each.materials)
                 known = (each, json.dumps([own, point.label], default=str))
                 if known in seen or (point.label and not own):
                     continue
@@ -345,9 +343,7 @@ class Planner:
         with error_context(self._path, place):
             return resolved(table, self._reference, self._files.outline)
 
-    def _case(
-        self, asked: _Asked, own: Changes, point: Point, labels: Labels, number: int
-    ) -> Case:
+    def _case(self, asked: _Asked, own: Changes, point: Point, labels: Labels, number: int) -> Case:
         place = "sweep" if any(name in own for name in point.changes) else asked.place
         document = self._changed_document(own, place)
         if own:
@@ -371,7 +367,7 @@ class Planner:
             placement=self._placement(socket, asked.socket),
         )
 
-    def _socket(self, document: Document, name: str, label: str) -> Socket:
+    def _socket(self, document: Document, name: str, label: str) -> AnySocket:
         socket = document.sockets.get(name) or self._reference[name]
         return socket.model_copy(update={"name": label})
 
@@ -385,7 +381,7 @@ class Planner:
         with error_context(self._path, f"materials.{name}"):
             return replace(paper.replace_known(laws, self._limb.tissues), name=label)
 
-    def _placement(self, socket: Socket, name: str) -> Placement:
+    def _placement(self, socket: AnySocket, name: str) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""
         shape = socket.model_copy(update={"name": ""})
         if shape not in self._placements:

@@ -13,7 +13,6 @@ from petsc4py import PETSc
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import remove_unfinished, replacing, write_json
 from calfsocket.io.versions import versions
-from calfsocket.materials.law import Law
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
@@ -79,7 +78,7 @@ class Recorder:
             sockets={case.socket.name: case.socket for case in plan.cases},
             laws=laws_of_sets(plan),
             inputs=(earlier.inputs if earlier else {}) | plan.fingerprints,
-            thresholds=[asdict(threshold) for threshold in plan.thresholds],
+            thresholds=tuple(asdict(threshold) for threshold in plan.thresholds),
             cases=before | records,
         )
         self._write()
@@ -135,11 +134,12 @@ class Recorder:
                 (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
-def laws_of_sets(plan: Plan) -> dict[str, dict[str, Law]]:
-    """Return the laws of each material set by tissue or region; a socket's own is not among them."""
-    found: dict[str, dict[str, Law]] = {}
+def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
+    """Return the laws of each material set by tissue or region, without those of sockets."""
+    found: dict[str, dict[str, Any]] = {}
     for case in plan.cases:
-        found.setdefault(case.materials.name, dict(case.materials.tissue_laws()))
+        laws = case.materials.tissue_laws() | dict(case.materials.regions)
+        found.setdefault(case.materials.name, laws)
     return found
 
 
@@ -183,9 +183,7 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         if not path.exists():
             return
     except OSError as error:
-        raise InputError(
-            f"--out {out}: {error}; name a folder that can be written"
-        ) from None
+        raise InputError(f"--out {out}: {error}; name a folder that can be written") from None
     try:
         before = read_run(path)
     except InputError as error:

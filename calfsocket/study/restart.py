@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.io.errors import InputError
-from calfsocket.simulation.record import StudyRecord, read_run
 from calfsocket.postprocess.vtu import FIELDS_FILE
+from calfsocket.simulation.record import StudyRecord, read_run
 
 CASE_FILES = (FIELDS_FILE, "contact.csv")
 """Files of a finished case; its picture can be drawn again from them."""

@@ -119,10 +119,7 @@ class Runner:
                 recorder.put(message)
 
         with reporter or nullcontext():
-            precompile(
-                self.comm,
-                [case.simulation(MPI.COMM_SELF).region_laws.values() for case in cases],
-            )
+            precompile(self.comm, [case.materials for case in cases])
             scheduler = Scheduler(self.comm, len(cases), self.ranks_per_case, on_report)
             if scheduler.n_groups > 1:
                 cases = longest_first(cases)
@@ -189,11 +186,9 @@ class _CaseRunner(Monitor):
                 self._merge(PROFILE_FILE, times)
         record = result.record
         text = record.message or "; ".join(["solved", *record.warnings])
-        self._report(text, record.checks.load)
+        self._report(text, result.checks.load)
         digests = case_digests(study.out, case) if self._is_root else {}
-        return record.model_copy(
-            update={"seconds": simulation.phases.seconds, "files": digests}
-        )
+        return record.model_copy(update={"seconds": simulation.phases.seconds, "files": digests})
 
     # -- what it writes -------------------------------------------------------------------------
 

@@ -98,8 +98,9 @@ class Study:
             content=run.study.content,
             files=Files(path.parent, run.study.files),
             limb=run.limb,
-            reference={name: run.sockets[name] for name in reference_sockets() if name in run.sockets}
-            or reference_sockets(),
+            reference={
+                name: run.sockets.get(name, socket) for name, socket in reference_sockets().items()
+            },
             sha256={path.name: sha256(path), **run.study.sha256},
             chosen=tuple(run.cases),
             petsc_options=_harmless(path, run.petsc_options),
@@ -150,9 +151,7 @@ class Study:
             sha256=dict(self.sha256),
             files=self.files.record,
         )
-        return Plan(
-            source, planner.document, self.limb, cases, self.chosen, planner.parameters
-        )
+        return Plan(source, planner.document, self.limb, cases, self.chosen, planner.parameters)
 
     @property
     def cases(self) -> tuple[Case, ...]:

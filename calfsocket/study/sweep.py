@@ -1,4 +1,4 @@
-"""Sweeps: cases of a study file with some of its parameters changed, and names that tell them apart."""
+"""Sweeps: cases of a study file with some parameters changed, and labels for their names."""
 
 import copy
 import itertools
@@ -101,7 +101,7 @@ def points(sweep: Sweep | None) -> list[Point]:
     lengths = {name: len(several) for name, several in values.items()}
     if way == "list" and len(set(lengths.values())) > 1:
         counts = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        raise InputError(f"sweep.list: {counts} values; give lists of one length, or use sweep.grid")
+        raise InputError(f"sweep.list: {counts} values; give lists of one length or a grid")
     number = 1
     for length in lengths.values() if way == "grid" else [0]:
         number *= length
@@ -196,7 +196,7 @@ class Labels:
                 self._words[name, value] = written[value] if clear else f"value-{number}"
 
     def of(self, changes: Changes, number: int) -> str:
-        """Return the changes of a case as one word, or the number of its point if that is too long."""
+        """Return the changes of a case as one word; if that is too long, the number of its point."""
         text = ",".join(
             f"{self._short[name]}={self._words.get((name, repr(value)), _word(value))}"
             for name, value in changes.items()

@@ -13,7 +13,6 @@ from calfsocket.postprocess.quantities import SUMMARY_TISSUES, UNITS
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.study.cases import Plan
 
-
 SWEEP_FILE = "sweep.csv"
 
 _CONTACT = {
@@ -91,7 +90,7 @@ def results_of(summary: pd.DataFrame) -> dict[tuple[str, str, str, str], float]:
 
 def _headings(plan: Plan) -> list[tuple[str, str, str]]:
     """Return heading, tissue and quantity of every result."""
-    found = []
+    found: list[tuple[str, str, str]] = []
     for quantity in plan.document.study.quantities:
         if quantity in _CONTACT:
             found.append((f"{quantity}_{_unit(_CONTACT[quantity])}", "skin", quantity))

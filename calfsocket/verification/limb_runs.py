@@ -9,7 +9,6 @@ import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
 from calfsocket.simulation.case import Case, Settings
