@@ -16,7 +16,7 @@ from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, limb
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.socket import NormalOffset, Socket
 from calfsocket.study import document
 from calfsocket.study.cases import Plan

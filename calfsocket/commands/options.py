@@ -5,9 +5,14 @@ import contextlib
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from calfsocket.io.errors import InputError
+
+if TYPE_CHECKING:
+    from calfsocket.materials.material_set import BaseSet
+
+Name = TypeVar("Name", bound=str)
 
 
 class Options(Protocol):
@@ -85,7 +90,7 @@ def checked_size(word: str) -> str:
         raise InputError(f"--size: {error}") from None
 
 
-def material_files(words: Sequence[str], sets: Iterable[str]) -> dict[str, Path]:
+def material_files(words: Sequence[str], sets: Iterable["BaseSet"]) -> dict[str, Path]:
     """Return the material files that replace laws of Table 1, by the name of the tissue.
 
     Parameters
@@ -119,7 +124,7 @@ def material_files(words: Sequence[str], sets: Iterable[str]) -> dict[str, Path]
     return files
 
 
-def select(names: Sequence[str], allowed: Sequence[str], option: str) -> list[str]:
+def select(names: Sequence[str], allowed: Sequence[Name], option: str) -> list[Name]:
     """Return the chosen names in the order of the allowed ones, whatever their case.
 
     Raises
@@ -128,7 +133,7 @@ def select(names: Sequence[str], allowed: Sequence[str], option: str) -> list[st
         For a name that is not allowed or is given twice, or if there is none.
     """
     by_lower = {name.lower(): name for name in allowed}
-    chosen = []
+    chosen: list[Name] = []
     for name in names:
         key = name.strip().lower()
         if key not in by_lower:

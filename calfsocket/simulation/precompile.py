@@ -63,7 +63,7 @@ def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> Non
     comm.Barrier()
 
 
-_compiled: set[tuple[Path | Kind, ...]] = set()
+_compiled: set[tuple[object, ...]] = set()
 """Folder and kinds of laws for which this process has used all forms."""
 
 _used: dict[Path, IO[str]] = {}

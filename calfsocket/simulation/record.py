@@ -160,7 +160,7 @@ class StudySource(Strict):
 
 RUN_FILE = "run.json"
 
-FORMAT = 2
+FORMAT: Literal[2] = 2
 """Of run.json; 1 was that of calfsocket 0.1."""
 
 

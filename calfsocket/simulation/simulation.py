@@ -238,7 +238,8 @@ class Simulation:
         with self.phases("checks"):
             checks = check(stepper)
         with self.phases("fields"):
-            fields = section_fields(stepper.problem, self.limb.tissues)
+            tissues = self.limb.tissues | {tags.SOCKET: tags.SOCKET}
+            fields = section_fields(stepper.problem, tissues)
             line = contact_line(stepper.problem)
             if self.comm.size > 1:
                 fields, line = self.comm.bcast((fields, line), root=0)
