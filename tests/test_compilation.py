@@ -9,7 +9,6 @@ from mpi4py import MPI
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.kernels import library
-from calfsocket.mechanics.problem import Model
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.simulation import precompile as compilation

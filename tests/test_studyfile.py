@@ -15,8 +15,7 @@ from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, limb
-from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.limb import limb_curves
+from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.socket import NormalOffset, Socket
 from calfsocket.study import document
 from calfsocket.study.cases import Plan

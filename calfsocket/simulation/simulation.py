@@ -273,7 +273,10 @@ def checked_size(size: str | int | MeshSize) -> MeshSize:
         raise InputError(
             f"mesh size: is {size!r}; give coarse, medium or paper, or a number of triangles"
         )
-    return mesh_size(str(size))
+    try:
+        return mesh_size(str(size))
+    except InputError as error:
+        raise InputError(f"mesh {error}") from None
 
 
 def check(stepper: LoadStepper) -> Checks:
