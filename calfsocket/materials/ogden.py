@@ -65,7 +65,10 @@ class Ogden(Law):
     law: Literal["ogden"] = "ogden"
     mu: tuple[Stress, ...]
     alpha: tuple[float, ...]
-    d1: Annotated[Compliance, Field(ge=0)] = 0.0
+    # The default is never used: either it or nu is given.
+    d1: Annotated[Compliance, Field(ge=0)] = Field(
+        default=0.0, json_schema_extra=lambda schema: schema.pop("default")
+    )
     nu: PoissonRatio | None = Field(default=None, exclude=True, repr=False)
     form: OgdenForm = "abaqus"
 

@@ -307,7 +307,7 @@ class Planner:
         if entry is None:
             return
         case = Case(asked.socket, asked.materials, entry.like)
-        with error_context(self._path):
+        with error_context(self._path, f"materials.{asked.materials}"):
             material_set(case, settings, [region.name for region in self._limb.regions])
 
     def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:
