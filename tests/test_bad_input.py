@@ -284,7 +284,8 @@ TRIALS = (
     # Materials
     Trial("a tissue that does not exist", edited("fat =", "fad ="),
           ("materials.soft.fad", "'fat'")),
-    Trial("a law of an unknown name", fat('{ law = "hooke" }'), ("materials.soft.fat: law is 'hooke'", "hencky")),
+    Trial("a law of an unknown name", fat('{ law = "hooke" }'),
+          ("materials.soft.fat: law is 'hooke'", "hencky")),
     Trial("a law as a number", fat("3"), ("materials.soft.fat: is no law", "hencky")),
     Trial("a law that lacks a parameter", fat('{ law = "hencky", nu = 0.3 }'),
           ("materials.soft.fat.e: is missing",)),
