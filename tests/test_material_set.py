@@ -1,4 +1,4 @@
-"""Material sets: the paper's two, changed by tissue and region, refused where they make no sense."""
+"""Material sets: the paper's two, changed by tissue and region, and what makes none."""
 
 import pytest
 

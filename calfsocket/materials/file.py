@@ -26,7 +26,7 @@ import calfsocket
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.schema import checked, read_toml
-from calfsocket.materials.laws import AnyLaw, Law
+from calfsocket.materials.laws import IN_FILES, AnyLaw, Law
 
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
 
@@ -59,6 +59,8 @@ def law_in(path: Path, content: Mapping[str, Any]) -> Law:
     if not isinstance(provenance, dict):
         raise InputError(f"{path}: provenance: is {provenance!r}; it must be a table")
     table = {key: value for key, value in content.items() if key != "provenance"}
+    if "law" not in table:
+        raise InputError(f"{path}: law is missing; give one of {', '.join(IN_FILES)}")
     return cast(Law, checked(path, table, _Content).root)  # a neo-Hookean one has become Ogden's
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from pydantic.fields import FieldInfo
 from ufl.core.expr import Expr
 
@@ -30,6 +30,12 @@ Compliance = Annotated[float, Written(COMPLIANCE, "1.67e-6 1/Pa")]
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 
 _STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
+
+
+def _in_files(schema: dict[str, Any], law: type) -> None:
+    """Describe a law in files to editors: in one line, and with its tag, which Python may omit."""
+    schema["description"] = (law.__doc__ or "").partition("\n")[0]
+    schema["required"] = ["law", *schema.get("required", [])]
 
 
 class Law(Strict):
@@ -71,6 +77,8 @@ class Law(Strict):
     >>> Custom(mu="12 kPa").kirchhoff(np.array([2.0, 1.0, 0.5])).round(3)
     array([ 0.027, -0.009, -0.018])
     """
+
+    model_config = ConfigDict(json_schema_extra=_in_files)
 
     law: str
 

@@ -9,10 +9,23 @@ from calfsocket.materials.law import Law
 from calfsocket.materials.ogden import NeoHookean, Ogden, OgdenForm, neo_hookean
 from calfsocket.materials.yeoh import Yeoh
 
-__all__ = ["LAWS", "AnyLaw", "Hencky", "Law", "Ogden", "OgdenForm", "Yeoh", "neo_hookean"]
+__all__ = [
+    "IN_FILES",
+    "LAWS",
+    "AnyLaw",
+    "Hencky",
+    "Law",
+    "Ogden",
+    "OgdenForm",
+    "Yeoh",
+    "neo_hookean",
+]
 
 LAWS: dict[str, type[Law]] = {"ogden": Ogden, "yeoh": Yeoh, "hencky": Hencky}
 """Laws by name."""
 
 AnyLaw = Annotated[Ogden | NeoHookean | Yeoh | Hencky, Field(discriminator="law")]
 """A law as files have it: the key `law` tells which."""
+
+IN_FILES = (*LAWS, "neo-hookean")
+"""What files may give as `law`."""

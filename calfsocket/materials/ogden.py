@@ -21,6 +21,10 @@ from calfsocket.materials.law import (
 OgdenForm = Literal["abaqus", "as-printed"]
 
 
+def _without_default(schema: dict[str, Any]) -> None:
+    del schema["default"]
+
+
 class Ogden(Law):
     r"""Ogden's law with one or more terms, compressible or not.
 
@@ -65,7 +69,8 @@ class Ogden(Law):
     law: Literal["ogden"] = "ogden"
     mu: tuple[Stress, ...]
     alpha: tuple[float, ...]
-    d1: Annotated[Compliance, Field(ge=0)] = 0.0
+    # The default is never used: either it or nu is given.
+    d1: Annotated[Compliance, Field(ge=0)] = Field(default=0.0, json_schema_extra=_without_default)
     nu: PoissonRatio | None = Field(default=None, exclude=True, repr=False)
     form: OgdenForm = "abaqus"
 

@@ -5,11 +5,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from calfsocket.io.schema import Strict
-from calfsocket.materials.laws import LAWS, AnyLaw, Law
+from calfsocket.materials.laws import IN_FILES, AnyLaw, Law
 from calfsocket.materials.material_set import BaseSet
 from calfsocket.study.names import File
 
-_NAMES = ", ".join((*LAWS, "neo-hookean"))
+_NAMES = ", ".join(IN_FILES)
 
 
 class LawFile(Strict):
