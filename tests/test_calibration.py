@@ -14,6 +14,14 @@ from calfsocket import cli
 from calfsocket.calibration import figure, report
 from calfsocket.calibration.fit import SMALLEST_ALPHA, Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
+from calfsocket.calibration.names import (
+    CURVES_FILE,
+    FITTED,
+    IGNORED,
+    SEPARATE,
+    TABLE1,
+)
+from calfsocket.calibration.record import CalibrationRecord
 from calfsocket.calibration.run import Settings, calibrate
 from calfsocket.calibration.specimen import Specimen, compound_specimen
 from calfsocket.contact.parameters import Contact
@@ -25,14 +33,6 @@ from calfsocket.materials.tissues import MUSCLE, SOCKET
 from calfsocket.meshes.compound import Compound, load_compound
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import mesh_size
-from calfsocket.report.calibration import (
-    CURVES_FILE,
-    FITTED,
-    IGNORED,
-    RESULT_FILE,
-    SEPARATE,
-    TABLE1,
-)
 
 COARSE = replace(mesh_size("coarse"), largest=8.0, growth=1.5)
 
@@ -233,12 +233,14 @@ def test_calibration_from_start_to_files(tmp_path):
     assert isinstance(law, Ogden)
     assert law.mu == pytest.approx(result.law.mu)
     assert law.alpha == pytest.approx(result.law.alpha)
-    content = json.loads((tmp_path / RESULT_FILE).read_text())
-    assert content["fits"][0]["mu_kPa"] == pytest.approx(1e3 * result.law.mu[0])
-    assert content["inputs"]["geometry"]["stroke"] == 2.4
-    assert content["inputs"]["laws"]["muscle"]["alpha"] == list(MUSCLE.alpha)
-    assert content["versions"]["calfsocket"]
-    assert math.isclose(content["deviation_from_separate"][IGNORED], result.deviation(IGNORED))
+    record = CalibrationRecord.read(tmp_path)
+    made = report.record(result, settings)
+    assert record.model_dump(mode="json") == made.model_dump(mode="json")
+    assert record.fits[0].mu_kPa == pytest.approx(1e3 * result.law.mu[0])
+    assert record.inputs.geometry["stroke"] == 2.4
+    assert record.inputs.laws["muscle"]["alpha"] == list(MUSCLE.alpha)
+    assert record.versions["calfsocket"]
+    assert math.isclose(record.deviation_from_separate[IGNORED], result.deviation(IGNORED))
 
     console = Console(width=100, record=True, file=(tmp_path / "shown").open("w"))
     report.show(result, console)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry import LIMB, SKIN
+from mesh_measures import jacobian_bounds
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -14,7 +15,7 @@ from calfsocket.meshes import curves, section
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.outline import MANY_POINTS, read_outline
 from calfsocket.meshes.placement import check_placement
-from calfsocket.meshes.quality import areas, jacobian_bounds
+from calfsocket.meshes.quality import areas
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.socket import Outline, Socket
 from calfsocket.meshes.tags import SOCKET_ID

@@ -34,7 +34,8 @@ from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
 from calfsocket.meshes import tags
-from calfsocket.meshes.blocks import LIMB, DiscInCavity
+from calfsocket.meshes.disc import DiscInCavity
+from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.report import Check, Figure, Section
 
 FloatArray = NDArray[np.float64]

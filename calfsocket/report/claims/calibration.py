@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.io.errors import InputError
-from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1, Calibration
+from calfsocket.report.calibration import Calibration
 from calfsocket.report.claims.evidence import Evidence, NotChecked
 from calfsocket.report.claims.registry import Finding, claim
 from calfsocket.report.claims.tolerances import FLAT, about
