@@ -14,9 +14,10 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.forms import mixed
 from calfsocket.materials.laws import Hencky
 from calfsocket.materials.material_set import MaterialSet
+from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.limb_problem import SUPPORT_STIFFNESS, limb_problem
 from calfsocket.mechanics.newton import Newton
-from calfsocket.mechanics.problem import LARGEST_BULK_RATIO
+from calfsocket.mechanics.problem import LARGEST_BULK_RATIO, Problem
 from calfsocket.meshes.rings import ring_mesh
 
 LAYERS = [
@@ -51,8 +52,8 @@ def state(model, size=1e-3, seed=3):
 
 def assembled(model):
     """The tissues' tangent by dolfinx, from the same weak form that has the residual."""
-    dx = mixed.volume_measure(model.section.mesh, model.fields.tags)
-    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields.materials, dx)))
+    dx = mixed.volume_measure(model.section.mesh, model.law_tags)
+    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields, dx)))
     A.assemble()
     A.zeroRowsColumns(model.constrained.astype(PETSc.IntType), diag=1.0)
     return A
@@ -101,9 +102,9 @@ def test_solution_is_that_of_the_assembled_form():
     assert (solver.correction(assembled(model) * v) - v).norm() < 1e-9 * v.norm()
 
 
-@pytest.mark.parametrize("fric_coeff", [0.0, 0.4])
-def test_solution_undoes_the_product_with_contact(fric_coeff):
-    solver = state(ring(contact=Contact(friction=fric_coeff)))
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_solution_undoes_the_product_with_contact(friction):
+    solver = state(ring(contact=Contact(friction=friction)))
     v = random_vector(solver)
     assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
 
@@ -193,7 +194,7 @@ def test_laws_that_become_incompressible_keep_their_constant_pressure():
     solver = state(model)
     outside = len(solver._A.getPythonContext()._dofs)
     muscle = SEPARATE["muscle"]
-    model.set_laws({"muscle": muscle.model_copy(update={"d1": 0.0})})
+    model.set_laws({"muscle": replace(muscle, d1=0.0)})
     solver.factorise()
     cells_of_muscle = model.section.cell_tags.find(model.section.regions["muscle"])
     assert len(solver._A.getPythonContext()._dofs) == outside + len(cells_of_muscle)
@@ -202,3 +203,25 @@ def test_laws_that_become_incompressible_keep_their_constant_pressure():
     model.set_laws({"muscle": muscle})
     solver.factorise()
     assert len(solver._A.getPythonContext()._dofs) == outside
+
+
+def test_prescribed_values_are_in_product_and_solution():
+    """Unknowns that are away from their value pull on their neighbours, in every tissue."""
+    laws = {**SEPARATE, "muscle": STIFF["muscle"]}
+    layers = ring_mesh(MPI.COMM_SELF, LAYERS, None, 4.0)
+    pulled = [
+        Constraint("tibia_medullary"),
+        Constraint("skin_surface", values=lambda x: 0.01 * x),
+    ]
+    problem = Problem(layers, {name: laws[name] for name in layers.regions}, pulled)
+    newton = Newton(problem)
+    newton.x.array[:] = 1e-3 * np.random.default_rng(3).normal(size=newton.x.getLocalSize())
+    newton.factorise()
+    dx = mixed.volume_measure(layers.mesh, problem.law_tags)
+    whole = fem_petsc.assemble_matrix(fem.form(mixed.tangent(problem.w, problem.fields, dx)))
+    whole.assemble()
+    whole.zeroRows(problem.constrained.astype(PETSc.IntType), diag=1.0)
+    v = random_vector(newton)
+    expected = whole * v
+    assert (product(newton, v) - expected).norm() < 1e-13 * expected.norm()
+    assert (newton.correction(expected) - v).norm() < 1e-8 * v.norm()

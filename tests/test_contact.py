@@ -154,7 +154,7 @@ def test_coulomb_by_hand():
     np.testing.assert_allclose(law.shear, [0.0, 0.39, 0.4, -0.8])
 
 
-def case(seed: int, shear: float, gap: float, fric_coeff: float = 0.4):
+def case(seed: int, shear: float, gap: float, friction: float = 0.4):
     """Random points near a randomly bent socket, with a traction linear in their unknowns."""
     rng = np.random.default_rng(seed)
     n, k = 12, 5
@@ -166,7 +166,7 @@ def case(seed: int, shear: float, gap: float, fric_coeff: float = 0.4):
     stress = rng.normal(size=(n, 2, k))
     pressed = -radial + shear * np.stack([-radial[:, 1], radial[:, 0]], axis=1)
     points = SkinPoints(reference=rest, weight=rng.uniform(0.1, 0.2, n), shape=shape)
-    parameters = Contact(friction=fric_coeff, gamma=0.7, gamma_t=0.3)
+    parameters = Contact(friction=friction, gamma=0.7, gamma_t=0.3)
     bend = 0.02 * rng.normal(size=(24, 2, 2))
     displacement = np.concatenate([bend, np.zeros((24, 1, 2))], axis=1)
     displacement[:, 1] = np.roll(displacement[:, 0], -1, axis=0)

@@ -97,7 +97,7 @@ def test_choices_and_counts(tables):
     rows = tables["variants"].set_index("variant")
     assert rows.index.tolist() == ["base", "fascia-c10-tables", "socket-held"]
     assert rows.choice["fascia-c10-tables"] == "fascia_c10 tables"
-    assert "fric_coeff 0.4" in rows.choice["base"]
+    assert "friction 0.4" in rows.choice["base"]
     assert rows.cases.tolist() == [2, 2, 1]
     assert (rows[["holds", "does not hold", UNCHECKED]].sum(axis=1) == 105).all()
 

@@ -176,7 +176,7 @@ class ContactInterface:
         )
         facet_tags, boundaries = section.facet_tags, section.boundaries
         self.skin = Face.of(V, facet_tags, boundaries[pair.skin])
-        self._comm = domain.comm
+        self.comm = domain.comm
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
@@ -189,14 +189,14 @@ class ContactInterface:
         p, dp = (mixed.pressure(q, material.pressure_scale) for q in (p_dof, dp_dof))
         stress = mixed.first_piola(material, F, p)
         d_stress = mixed.first_piola_increment(material, F, p, ufl.grad(du), dp)
-        self._stress = fem.Expression(stress, on_edge, comm=self._comm)
-        self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
+        self._stress = fem.Expression(stress, on_edge, comm=self.comm)
+        self._d_stress = fem.Expression(d_stress, on_edge, comm=self.comm)
         self.points, self._normal = self._skin_points(on_edge)
         dofs = _global(V.dofmap.index_map, self.skin.dofs).reshape(-1, 6)
         self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
-        start = self.chain.project(position, self._socket_displacement())
+        start = self.chain.project(position, self.socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
         self.converged_arc = self._earlier_arc = start.arc
@@ -206,7 +206,7 @@ class ContactInterface:
     def _set_up_socket(self, face: Face) -> None:
         """Share the socket's edges with all ranks and string them to one chain."""
         nodes, inside = (
-            np.concatenate(self._comm.allgather(part)) for part in (face.nodes, face.inside)
+            np.concatenate(self.comm.allgather(part)) for part in (face.nodes, face.inside)
         )
         self._chain_order = order_chain(nodes, inside)
         self.chain = EdgeChain.from_edges(along_chain(nodes, *self._chain_order))
@@ -216,15 +216,15 @@ class ContactInterface:
 
     def along_socket(self, values: NDArray[Any]) -> NDArray[Any]:
         """Gather values at the nodes of `socket` along its chain, on every rank; (n_edges, 6)."""
-        everywhere = np.concatenate(self._comm.allgather(values))
+        everywhere = np.concatenate(self.comm.allgather(values))
         return along_chain(everywhere, *self._chain_order).reshape(-1, 6)
 
-    def _socket_displacement(self) -> FloatArray:
+    def socket_displacement(self) -> FloatArray:
         """Displacement of the chain's nodes on every rank, in mm; (n_edges, 3, 2)."""
         mine = np.ascontiguousarray(self._w.x.array[self.socket.dofs])
-        counts = np.array(self._comm.allgather(mine.size))
+        counts = np.array(self.comm.allgather(mine.size))
         everyone = np.empty(counts.sum())
-        self._comm.Allgatherv(mine, [everyone, counts])
+        self.comm.Allgatherv(mine, [everyone, counts])
         return along_chain(everyone.reshape(-1, 3, 2), *self._chain_order)
 
     def _skin_points(self, on_edge: FloatArray) -> tuple[SkinPoints, FloatArray]:
@@ -233,7 +233,7 @@ class ContactInterface:
         n_points = self.parameters.gauss_points
 
         def at_points(expression: Any) -> FloatArray:
-            return self._evaluate(fem.Expression(expression, on_edge, comm=self._comm))
+            return self._evaluate(fem.Expression(expression, on_edge, comm=self.comm))
 
         reference = at_points(ufl.SpatialCoordinate(domain)).reshape(-1, 2)
         jacobian = at_points(ufl.Jacobian(domain)).reshape(-1, 2, 2)
@@ -289,7 +289,7 @@ class ContactInterface:
         if nominal_traction is None:
             nominal_traction = self.nominal_traction()
         position = self.deformed_points()
-        projection = self.chain.project(position, self._socket_displacement())
+        projection = self.chain.project(position, self.socket_displacement())
         return nitsche.contact_state(
             position,
             nominal_traction,
@@ -304,7 +304,7 @@ class ContactInterface:
         state = self.state()
         closed = state.traction.pressure > 0
         mine = np.abs(state.reduced_gap[closed]).max(initial=0.0)
-        return float(self._comm.allreduce(mine, op=MPI.MAX))
+        return float(self.comm.allreduce(mine, op=MPI.MAX))
 
     def accept(self) -> None:
         """Take the slip so far as done; tractions stay what they are (collective)."""
@@ -331,7 +331,7 @@ class ContactInterface:
         at, law = state.projection, state.traction
         traction = law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
         weight = self.points.weight
-        total = self._comm.allreduce(np.array([*(weight @ traction), weight @ law.pressure]))
+        total = self.comm.allreduce(np.array([*(weight @ traction), weight @ law.pressure]))
         return total[:2], float(total[2])
 
     # -- assembly -------------------------------------------------------------------------------

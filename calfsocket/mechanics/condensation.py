@@ -11,9 +11,9 @@ does not change the cell's volume, and a constant pressure meets nothing but 1/K
 constant stays outside. Contact takes the skin's traction from the whole skin cell, so that it has
 entries in K_oi, but none in K_io or K_ii.
 
-Unknowns outside have a numbering of their own, that of the index map `outside`; constrained ones are
-left out. Where displacements are prescribed, with c for the constrained unknowns and x_c for what
-their residual asks for, the columns of the condensed matrix that belong to them go to the right:
+Unknowns outside have a numbering of their own, that of the index map `outside`; constrained ones
+are left out. Where displacements are prescribed, with c for the constrained unknowns and x_c for
+what their residual asks for, the columns of the condensed matrix that are theirs go to the right:
 
     S_oo x_o = r_o - K_oi K_ii^-1 r_i - S_oc x_c,    x_i = K_ii^-1 (r_i - K_io x_o - K_ic x_c).
 

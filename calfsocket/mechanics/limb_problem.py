@@ -6,8 +6,9 @@ from typing import Literal, get_args
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Law
+from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.foundation import Foundation
-from calfsocket.mechanics.problem import Constraint, Problem
+from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 

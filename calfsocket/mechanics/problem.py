@@ -1,7 +1,6 @@
 """Bodies in equilibrium: mesh, laws, constraints, loads and contact, as residual and tangent."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,14 +18,12 @@ from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
 from calfsocket.mechanics.bodies import Body
 from calfsocket.mechanics.condensation import CondensedTangent
+from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
 from calfsocket.mechanics.foundation import Foundation, FoundationTerm
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
 from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
-Field = Callable[[NDArray[Any]], NDArray[Any]]
-"""Vectors at positions, both (2, n)."""
-
 Load = Callable[[Any], ufl.Form]
 """Makes the form of an external load, N/mm, from the test function of the displacement."""
 
@@ -36,26 +33,6 @@ LARGEST_BULK_RATIO = 1e3
 """Ratio K/mu up to which a cell's constant pressure is eliminated from the linear system.
 
 It is exact at any ratio; the condensed matrix then has stiffnesses of this ratio side by side."""
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """Displacement components that a boundary does not choose.
-
-    Attributes
-    ----------
-    boundary : str
-        Name of the boundary.
-    components : tuple of int
-        0 for x, 1 for y.
-    values : callable, optional
-        Displacement in mm at full load, of undeformed positions in mm; it grows in proportion to
-        the load. Zero without. Prescribed motion sets the values by itself.
-    """
-
-    boundary: str
-    components: tuple[int, ...] = (0, 1)
-    values: Field | None = None
 
 
 class Problem:
@@ -68,7 +45,7 @@ class Problem:
     laws : mapping of region name to law
         The law of each region.
     constraints : sequence of Constraint
-        What boundaries are constrained; where two meet the first one counts.
+        What is prescribed on boundaries; where two of them meet the first one counts.
     loads : sequence of callable
         External loads at full load, which grow in proportion to it.
     contact : ContactPair, optional
@@ -115,7 +92,9 @@ class Problem:
             (self.foundation.stiffness, self.foundation.anchor) if self.foundation else None,
         )
         self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
-        self._constrain(constraints)
+        self._constrained, self.prescribed = constrained_unknowns(self.V, section, constraints)
+        self.constrained = np.flatnonzero(self._constrained[: self.V.dofmap.index_map.size_local])
+        self._has_values = any(constraint.values is not None for constraint in constraints)
         self._external = self._assemble_loads(loads)
         self._contact = contact.bind(self.w, section, laws, self.fields) if contact else None
         self._load = 0.0
@@ -349,32 +328,10 @@ class Problem:
         return self._contact.add_residual(self._b) if self._contact is not None else None
 
     def _assemble_loads(self, loads: Sequence[Load]) -> FloatArray | None:
-        """Forces of all loads at the owned unknowns, N/mm (collective)."""
+        """Assemble the forces of all loads at the owned unknowns, N/mm (collective)."""
         if not loads:
             return None
         v = ufl.TestFunctions(self.V)[0]
         total = fem.assemble_vector(fem.form(sum(load(v) for load in loads)))
         total.scatter_reverse(la.InsertMode.add)
         return np.array(total.array[: self.V.dofmap.index_map.size_local])
-
-    def _constrain(self, constraints: Sequence[Constraint]) -> None:
-        """Find the constrained unknowns and their values."""
-        section = self.section
-        self._has_values = any(constraint.values is not None for constraint in constraints)
-        self._constrained = np.zeros_like(self.w.x.array, dtype=bool)
-        self.prescribed = np.zeros_like(self.w.x.array)
-        for constraint in reversed(constraints):
-            facets = section.facet_tags.find(section.boundaries[constraint.boundary])
-            for component in constraint.components:
-                space = self.V.sub(0).sub(component)
-                if constraint.values is None:
-                    dofs, value = fem.locate_dofs_topological(space, 1, facets), 0.0
-                else:
-                    collapsed, _ = space.collapse()
-                    field = fem.Function(collapsed)
-                    field.interpolate(lambda x, c=component, f=constraint.values: f(x[:2])[c])
-                    dofs, at = fem.locate_dofs_topological((space, collapsed), 1, facets)
-                    value = field.x.array[at]
-                self._constrained[dofs] = True
-                self.prescribed[dofs] = value
-        self.constrained = np.flatnonzero(self._constrained[: self.V.dofmap.index_map.size_local])
