@@ -9,14 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from calfsocket.calibration.fit import NU, Fit
-from calfsocket.calibration.run import Calibration, Settings
-from calfsocket.calibration.specimen import LIMB_PLATE
-from calfsocket.io.files import replacing, write_json
-from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.io.versions import versions
-from calfsocket.materials.file import write_material
-from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA, material_set
-from calfsocket.report.calibration import (
+from calfsocket.calibration.names import (
     CURVES_FILE,
     FITTED,
     IGNORED,
@@ -25,6 +18,13 @@ from calfsocket.report.calibration import (
     SEPARATE,
     TABLE1,
 )
+from calfsocket.calibration.run import Calibration, Settings
+from calfsocket.calibration.specimen import LIMB_PLATE
+from calfsocket.io.files import replacing, write_json
+from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.io.versions import versions
+from calfsocket.materials.file import write_material
+from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA, material_set
 
 MATERIAL_FILE = "combined.toml"
 

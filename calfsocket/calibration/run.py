@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calfsocket.calibration.fit import Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
+from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
 from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.io.errors import InputError
@@ -20,7 +21,6 @@ from calfsocket.meshes.data import Limb
 from calfsocket.meshes.sizing import named_size
 from calfsocket.postprocess.extract import section_fields
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1
 
 SpecimenName = Literal["compound", "limb"]
 

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands import CASE_FAILED, OK
+from calfsocket.commands import CASE_FAILED, OK, report
 from calfsocket.commands.options import Options
 from calfsocket.io.errors import InputError
 from calfsocket.parallel.first_rank import on_first_rank
@@ -80,7 +80,6 @@ def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse
     """
     from rich.console import Console
 
-    from calfsocket.report.writing import write_report
     from calfsocket.simulation import profile
     from calfsocket.study.runner import attempt
     from calfsocket.study.study import check_folder, run_study
@@ -111,7 +110,7 @@ def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse
     if comm.rank == 0 and not arguments.no_report:
         study = studies[0]  # the base, where there are variants: its page compares them
         with attempt(f"no report in {study.out}"):
-            log.info("report: %s", write_report(study.out))
+            log.info("report: %s", report.write(study.out))
     return OK if all(solved) else CASE_FAILED
 
 

@@ -129,7 +129,7 @@ def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, 
     if profile:
         profile.stop()
     checks = run.checks()
-    entry = {
+    entry: dict[str, Any] = {
         "status": "failed" if run.failure else "solved",
         "message": run.failure,
         "ranks": farm.group.size,

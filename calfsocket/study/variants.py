@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from calfsocket.report.results import VARIANTS_FOLDER
-from calfsocket.report.variants import BASE
 from calfsocket.simulation.case import Settings
 from calfsocket.study.study import Study
+
+VARIANTS_FOLDER, BASE = "variants", "base"
 
 
 @dataclass(frozen=True)

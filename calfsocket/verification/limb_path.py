@@ -79,7 +79,9 @@ class LimbPath:
     def value(self, tissue: str, quantity: str) -> float:
         """Value of a quantity at the end."""
         table = self.summary
-        return float(table[(table.tissue == tissue) & (table.quantity == quantity)]["value"].iloc[0])
+        return float(
+            table[(table.tissue == tissue) & (table.quantity == quantity)]["value"].iloc[0]
+        )
 
 
 def follow(case: Case, settings: Settings, largest: float, predict: bool | None = None) -> LimbPath:
