@@ -103,10 +103,10 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     console = Console(stderr=True, quiet=comm.rank > 0)
     calibration = calibrate(comm, settings, tell=lambda text: console.print(text, style="dim"))
     if comm.rank == 0:
-        from calfsocket.calibration import figure
+        from calfsocket.paper import figure3
 
         report.write(calibration, settings, arguments.out)
-        figure.draw(calibration, arguments.out)
+        figure3.draw(calibration, arguments.out)
         report.show(calibration, Console())
     return OK
 

@@ -5,7 +5,7 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands import CASE_FAILED, OK
+from calfsocket.commands import CASE_FAILED, OK, report
 from calfsocket.commands.options import Options
 from calfsocket.io.errors import InputError
 
@@ -96,8 +96,6 @@ def solve(comm: "MPI.Intracomm", study: "Study", arguments: argparse.Namespace) 
 
 def _finish(out: Path, arguments: argparse.Namespace, console: "Console") -> None:
     """Show the profile and write the report; neither may fail what is solved."""
-    from calfsocket.paper.guest import paper_guest
-    from calfsocket.report.writing import write_report
     from calfsocket.simulation import profile
     from calfsocket.study.runner import logged
 
@@ -106,7 +104,7 @@ def _finish(out: Path, arguments: argparse.Namespace, console: "Console") -> Non
             console.print(profile.table(out))
     if not arguments.no_report:
         with logged(f"no report in {out}"):
-            log.info("report: %s", write_report(out, guests=[paper_guest]))
+            log.info("report: %s", report.write(out))
 
 
 def _log_to(console: "Console") -> None:
