@@ -1,7 +1,7 @@
 """Hand-made results in a folder, as a study writes them, for the tests of the report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +10,18 @@ import pandas as pd
 
 from calfsocket.io.files import write_json
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.materials.material_set import BASE_SETS, MaterialSet
+from calfsocket.materials.tissues import FasciaC10
+from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.thresholds import Threshold, shares_beyond
-from calfsocket.simulation.case import Case, Settings, case_laws
-from calfsocket.simulation.record import CaseRecord, Checks
+from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord, StudySource
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import of_case
+from calfsocket.study.document import ModelTable
 from sections import grid, limb_and_socket, section
 
 Key = tuple[str, str]
@@ -162,12 +165,13 @@ def result(key: Key, fields: SectionFields, line: ContactLine, **about: Any) -> 
 def write_results(
     folder: Path,
     cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
-    settings: Settings | None = None,
+    fascia_c10: FasciaC10 = "printed",
+    model: Mapping[str, Any] | None = None,
+    content: Mapping[str, Any] | None = None,
     failed: Mapping[Key, str] | None = None,
     thresholds: Sequence[Threshold] = (),
 ) -> Path:
     """Write a study's folder; `failed` names cases that did not reach their full load."""
-    settings = settings or Settings(size="coarse")
     tables: dict[str, list[pd.DataFrame]] = {"summary": [], "contact": [], "steps": []}
     records = [
         CaseRecord(socket=key[0], material_set=key[1], of=key, status="failed", message=why)
@@ -184,21 +188,22 @@ def write_results(
     for name, parts in tables.items():
         path = folder / f"{name}.csv"
         pd.concat(parts).to_csv(path, index=False, float_format=FLOAT_FORMAT)
-    laws = {
-        name: {
-            tissue: law.model_dump(mode="json")
-            for tissue, law in case_laws(Case("", name), settings).items()
-        }
-        for name in ("separate", "combined")
-    }
-    run = {
-        "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        "inputs": {"settings": asdict(settings), "cases": dict.fromkeys(map("_".join, ALL), "")},
-        "laws": laws,
-        "limb": Limb.reference().model_dump(mode="json"),
-        "sockets": {name: each.model_dump() for name, each in reference_sockets().items()},
-        "finished": True,
-        "cases": {record.name: record.model_dump(mode="json") for record in records},
-    }
-    write_json(folder / "run.json", run)
+    sets = [MaterialSet.paper(name, fascia_c10) for name in BASE_SETS]
+    run = StudyRecord(
+        versions={"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
+        petsc_options={},
+        ranks=1,
+        study=StudySource(file="study.toml", content=content or {}),
+        settings={
+            "model": ModelTable(size="coarse", fascia_c10=fascia_c10, **(model or {})).model_dump(),
+            "steps": LoadSteps().model_dump(),
+        },
+        limb=Limb.reference(),
+        sockets=reference_sockets(),
+        laws={each.name: each.tissue_laws() for each in sets},
+        inputs={},
+        finished=True,
+        cases={record.name: record for record in records},
+    )
+    write_json(folder / "run.json", run.model_dump(mode="json", exclude_none=True))
     return folder

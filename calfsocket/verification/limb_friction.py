@@ -44,9 +44,9 @@ from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import Socket
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import Socket
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
 from calfsocket.postprocess.quantities import running_mean, summary_rows
@@ -145,7 +145,11 @@ def fit(
     support : str
         Whether the socket floats.
     """
-    limb, laws, tissues = Limb.reference(), case_laws(case, Settings()), region_tissues(Limb.reference())
+    limb, laws, tissues = (
+        Limb.reference(),
+        case_laws(case, Settings()),
+        region_tissues(Limb.reference()),
+    )
     section = section_mesh(MPI.COMM_SELF, limb, Socket.reference(case.socket), mesh_size(size))
     region_laws = {name: laws[tissues[name]] for name in section.regions}
     problem = path_problem(path, section, region_laws, contact, support)
