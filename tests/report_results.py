@@ -17,7 +17,7 @@ from calfsocket.postprocess.thresholds import Threshold, shares_beyond
 from calfsocket.simulation.case import Case, Settings, case_laws
 from calfsocket.simulation.record import CaseRecord, Checks
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import of_case
+from calfsocket.simulation.results import Results, RunContent, of_case
 from sections import grid, limb_and_socket, section
 
 Key = tuple[str, str]
@@ -158,6 +158,60 @@ def result(key: Key, fields: SectionFields, line: ContactLine, **about: Any) -> 
     )
 
 
+def run_content(settings: Settings | None = None) -> dict[str, Any]:
+    """Return what a run.json says of inputs and versions."""
+    settings = settings or Settings(size="coarse")
+    laws = {
+        name: {
+            tissue: {"law": law.name, **asdict(law)}
+            for tissue, law in case_laws(Case("", name), settings).items()
+        }
+        for name in ("separate", "combined")
+    }
+    return {
+        "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
+        "inputs": {"settings": asdict(settings), "cases": dict.fromkeys(map("_".join, ALL), "")},
+        "laws": laws,
+        "limb": load_limb().model_dump(mode="json"),
+        "sockets": load_sockets().model_dump(mode="json"),
+    }
+
+
+def results_of(
+    cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
+    settings: Settings | None = None,
+    folder: Path = Path("nowhere"),
+) -> Results:
+    """Return results that are in no file."""
+    made = {
+        key: case if isinstance(case, Result) else result(key, *case) for key, case in cases.items()
+    }
+    records = {key: each.record for key, each in made.items()}
+    run = RunContent(cases={each.name: each for each in records.values()}, **run_content(settings))
+    return Results(folder, run, records, lambda record: made[record.key])
+
+
+def with_value(results: Results, key: Key, tissue: str, quantity: str, value: float) -> Results:
+    """Return results with one value of the summary replaced."""
+    summary = results.summary.copy()
+    row = (
+        (summary.socket == key[0])
+        & (summary.material_set == key[1])
+        & (summary.tissue == tissue)
+        & (summary["quantity"] == quantity)
+    )
+    assert row.sum() == 1
+    summary.loc[row, "value"] = value
+    return with_summary(results, summary)
+
+
+def with_summary(results: Results, summary: pd.DataFrame) -> Results:
+    """Return results with another summary."""
+    changed = results.only(results)
+    changed.__dict__["summary"] = summary  # which is computed once
+    return changed
+
+
 def write_results(
     folder: Path,
     cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
@@ -166,7 +220,6 @@ def write_results(
     thresholds: Sequence[Threshold] = (),
 ) -> Path:
     """Write a study's folder; `failed` names cases that did not reach their full load."""
-    settings = settings or Settings(size="coarse")
     tables: dict[str, list[pd.DataFrame]] = {"summary": [], "contact": [], "steps": []}
     records = [
         CaseRecord(socket=key[0], material_set=key[1], of=key, status="failed", message=why)
@@ -183,19 +236,7 @@ def write_results(
     for name, parts in tables.items():
         path = folder / f"{name}.csv"
         pd.concat(parts).to_csv(path, index=False, float_format=FLOAT_FORMAT)
-    laws = {
-        name: {
-            tissue: {"law": law.name, **asdict(law)}
-            for tissue, law in case_laws(Case("", name), settings).items()
-        }
-        for name in ("separate", "combined")
-    }
-    run = {
-        "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        "inputs": {"settings": asdict(settings), "cases": dict.fromkeys(map("_".join, ALL), "")},
-        "laws": laws,
-        "limb": load_limb().model_dump(mode="json"),
-        "sockets": load_sockets().model_dump(mode="json"),
+    run = run_content(settings) | {
         "finished": True,
         "cases": {record.name: record.model_dump(mode="json") for record in records},
     }

@@ -80,7 +80,9 @@ def test_socket_stores_what_lames_ring_does():
 # -- mesh convergence -----------------------------------------------------------------------------
 
 
-def summaries(*values, quantity="effective_stress", tissue="skin", material="separate", x=(0, 0, 0)):
+def summaries(
+    *values, quantity="effective_stress", tissue="skin", material="separate", x=(0, 0, 0)
+):
     """One number at three mesh sizes."""
     return {
         size: pd.DataFrame(
