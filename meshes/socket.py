@@ -340,8 +340,8 @@ def resolved(
     ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
         raise InputError(
-            "is no socket; give one of law = 'normal_offset' or 'circle_blend', outline = a file, "
-            f"like = {', '.join(reference)}"
+            "is not a socket; give one of law = 'normal_offset' or 'circle_blend', outline = a "
+            f"file, like = {', '.join(reference)}"
         )
     if ways == ["law"]:
         return table
