@@ -1,17 +1,17 @@
-"""Settings of the documentation, which `python3 -m sphinx docs docs/_build/html` makes into a site."""
+"""Settings of the documentation: `python3 -m sphinx docs docs/_build/html` builds the site."""
 
 import shutil
 import sys
 from pathlib import Path
 
-import calfsocket
 from sphinx.application import Sphinx
+
+import calfsocket
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 project = "calfsocket"
 version = release = calfsocket.__version__
-project_copyright = "the authors of calfsocket"
 
 extensions = [
     "myst_nb",
@@ -30,6 +30,7 @@ html_title = f"calfsocket {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
+html_show_copyright = False
 
 myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
 # The verification page links to its own headings, by the names that code forges give them.

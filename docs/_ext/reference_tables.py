@@ -78,7 +78,7 @@ def tables_in(entry: Schema, definitions: Schema) -> list[Schema]:
 
 
 def kind(table: Schema) -> str:
-    """Return what tells a table from its alternatives: ``law = "ogden"``, or the one key it needs."""
+    """Return what distinguishes a table from its alternatives: ``law = "ogden"``, or a key."""
     for key, entry in table["properties"].items():
         if "const" in entry:
             return f' with `{key} = "{entry["const"]}"`'
@@ -142,7 +142,12 @@ def value(entry: Schema, definitions: Schema) -> str:
         return f'text with a unit, as `"{entry["examples"][0]}"`{limits(entry)}'
     if entry.get("type") == "array":
         return array(entry, definitions)
-    words = {"string": "text", "number": "number", "integer": "whole number", "boolean": "true, false"}
+    words = {
+        "string": "text",
+        "number": "number",
+        "integer": "whole number",
+        "boolean": "true, false",
+    }
     return words.get(entry.get("type", ""), "table") + limits(entry)
 
 
@@ -153,7 +158,9 @@ def array(entry: Schema, definitions: Schema) -> str:
     items = entry.get("items", {})
     if "$ref" in items:
         (table,) = tables_in(items, definitions)
-        return "list of tables with the keys " + ", ".join(f"`{key}`" for key in table["properties"])
+        return "list of tables with the keys " + ", ".join(
+            f"`{key}`" for key in table["properties"]
+        )
     return f"list of {value(items, definitions)}"
 
 
