@@ -24,11 +24,11 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "reliability.md"
 SUBJECTS = ("test_bad_input", "test_bad_outlines", "test_faults", "test_mpi_faults")
 
 HEADER = """\
-# What was tried against it
+# Reliability
 
-Bad input gives one line that names the file, the key, what is allowed or what to do; exit code 2;
-nothing is written. Faults while running lose nothing that was finished. Every row below is a test;
-`python3 tests/reliability.py` makes this page from them.
+Bad input gives one line that names the file and the key and says what is allowed or what to do; the
+exit code is 2, and nothing is written. Faults during a run lose nothing that was finished. Every row
+below is a test; `python3 tests/reliability.py` makes this page from them.
 """
 
 
@@ -68,7 +68,7 @@ def _subjects() -> list[ModuleType]:
 
 
 def _part(subject: ModuleType) -> str:
-    lines = [f"## {subject.TITLE}", "", subject.INTRO, "", "| tried | what it gave |", "|---|---|"]
+    lines = [f"## {subject.TITLE}", "", subject.INTRO, "", "| input or fault | result |", "|---|---|"]
     for trial in subject.TRIALS:
         lines.append(f"| {_cell(trial.name)} | {_cell(_given(subject, trial))} |")
     return "\n".join(lines) + "\n"
