@@ -41,6 +41,9 @@ def sections(schema: Schema) -> Iterator[str]:
     """Yield a section for each table of a file: heading, what it is, its keys."""
     definitions = schema["$defs"]
     for name, entry in schema["properties"].items():
+        if name == "laws":  # the same tables as in a material set
+            yield f"## `[laws.TISSUE]`\n\n{entry['description']}\n"
+            continue
         for heading, table in tables_at(name, entry, definitions):
             yield f"## {heading}\n"
             yield from section(table, definitions)
@@ -57,8 +60,6 @@ def tables_at(name: str, entry: Schema, definitions: Schema) -> Iterator[tuple[s
         iter(entry.get("patternProperties", {}).values()), {}
     )
     for table in tables_in(named, definitions):
-        if "law" in table["properties"] and name == "laws":
-            continue  # the same tables as in a material set
         yield f"`[{name}.NAME]`{kind(table)}", table
         extra = table.get("additionalProperties")
         for law in tables_in(extra, definitions) if extra else ():
@@ -66,10 +67,11 @@ def tables_at(name: str, entry: Schema, definitions: Schema) -> Iterator[tuple[s
 
 
 def tables_in(entry: Schema, definitions: Schema) -> list[Schema]:
-    """Return the tables that an entry refers to, alternatives one by one."""
+    """Return the tables that an entry is or refers to, alternatives one by one."""
     if "$ref" in entry:
-        found: Schema = definitions[entry["$ref"].rsplit("/", 1)[1]]
-        return tables_in(found, definitions) if "oneOf" in found else [found]
+        return tables_in(definitions[entry["$ref"].rsplit("/", 1)[1]], definitions)
+    if "properties" in entry:
+        return [entry]
     return [
         table
         for way in entry.get("oneOf", entry.get("anyOf", ()))
@@ -106,7 +108,7 @@ def section(table: Schema, definitions: Schema) -> Iterator[str]:
 
 def is_table(entry: Schema) -> bool:
     """Return whether a key is described in a section of its own."""
-    return "$ref" in entry
+    return "$ref" in entry or "properties" in entry
 
 
 def described_by(text: NumpyDocString) -> dict[str, str]:
