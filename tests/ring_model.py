@@ -6,7 +6,7 @@ import sys
 import numpy as np
 from mpi4py import MPI
 
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
@@ -26,7 +26,7 @@ TISSUES = {name: name for name in ("bone", "muscle", "fat", "skin", "socket")}
 
 def ring_model(comm: MPI.Comm, support: SocketSupport = "floating", h: float = 3.0) -> Problem:
     """Make the model; the overclosure of 0.2 mm is 0.6 % of the radius."""
-    laws = material_set("separate")
+    laws = MaterialSet.paper("separate").tissue_laws()
     section = ring_mesh(comm, LAYERS, SOCKET, h)
     return limb_problem(section, {name: laws[name] for name in section.regions}, support=support)
 

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from calfsocket.contact.parameters import Contact
 from calfsocket.forms import mixed
 from calfsocket.materials.laws import Hencky
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.limb_problem import SUPPORT_STIFFNESS, limb_problem
 from calfsocket.mechanics.newton import Newton
@@ -27,7 +27,7 @@ LAYERS = [
     ("fat", 30.0, 31.0),
     ("skin", 31.0, 32.0),
 ]
-SEPARATE = material_set("separate")
+SEPARATE = MaterialSet.paper("separate").tissue_laws()
 
 
 # Just stiff enough in volume for its constant pressure to stay outside, K/mu = 1100.

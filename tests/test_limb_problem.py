@@ -11,7 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from calfsocket.io.errors import SolveError
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes import tags
@@ -62,7 +62,7 @@ def test_negative_modes_count_what_makes_an_equilibrium_unstable():
     """A thin stiff ring in soft tissue buckles under hoop compression; Newton does not notice."""
     layers = [("muscle", 14.0, 40.0), ("fascia", 40.0, 40.5), ("fat", 40.5, 46.0)]
     section = ring_mesh(MPI.COMM_SELF, layers, (45.0, 50.0), 2.0)
-    laws = material_set("separate")
+    laws = MaterialSet.paper("separate").tissue_laws()
     stepper = LoadStepper(
         limb_problem(section, {name: laws[name] for name in section.regions}),
         LoadSteps(first=0.1, largest=0.9),

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from calfsocket.io.errors import ConvergenceError, InputError
 from calfsocket.materials.laws import Hencky
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.foundation import Foundation
 from calfsocket.mechanics.problem import Problem
@@ -30,7 +30,7 @@ def turned(x):
 
 def pulled(comm, loads=LoadSteps(first=0.5, largest=0.5)):  # noqa: B008
     """Rings whose skin is turned and stretched, their core held; solved."""
-    laws = material_set("separate")
+    laws = MaterialSet.paper("separate").tissue_laws()
     section = ring_mesh(comm, LAYERS, None, 2.0)
     constraints = [Constraint(CORE), Constraint(SKIN, values=turned)]
     problem = Problem(section, {name: laws[name] for name in section.regions}, constraints)

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 from calfsocket.contact.friction import OPEN
 from calfsocket.contact.parameters import Contact
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
@@ -30,7 +30,7 @@ LIMB = (
     Ring("fat", "fat", 26.0, 30.0),
     Ring("skin", "skin", 30.0, 32.0),
 )
-LAWS = material_set("separate")
+LAWS = MaterialSet.paper("separate").tissue_laws()
 OVERCLOSURE = 0.2
 THICKNESS = 4.5
 

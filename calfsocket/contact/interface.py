@@ -18,7 +18,8 @@ from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, s
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.io.errors import InputError
-from calfsocket.materials.laws import Law
+from calfsocket.materials.fields import LawFields, kind
+from calfsocket.materials.law import Law
 from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
@@ -162,12 +163,12 @@ class ContactInterface:
         w: fem.Function,
         section: SectionMesh,
         laws: Mapping[str, Law],
-        fields: mixed.LawFields,
+        fields: LawFields,
         pair: "ContactPair",
     ) -> None:
         V = w.function_space
         domain = V.mesh
-        law = surface_law(section, laws, pair.skin)
+        material = surface_material(section, laws, fields, pair.skin)
         self.load = 0.0
         self.parameters = parameters = pair.parameters
         self.edge_parameters, self._edge_weights = np.polynomial.legendre.leggauss(
@@ -184,9 +185,10 @@ class ContactInterface:
         on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         u, p_dof = ufl.split(w)
         du, dp_dof = ufl.TrialFunctions(V)
-        F, p, dp = (deformation_gradient(u), *(mixed.pressure(q, fields) for q in (p_dof, dp_dof)))
-        stress = mixed.first_piola(law, F, p, fields)
-        d_stress = mixed.first_piola_increment(law, F, p, ufl.grad(du), dp, fields)
+        F = deformation_gradient(u)
+        p, dp = (mixed.pressure(q, material.pressure_scale) for q in (p_dof, dp_dof))
+        stress = mixed.first_piola(material, F, p)
+        d_stress = mixed.first_piola_increment(material, F, p, ufl.grad(du), dp)
         self._stress = fem.Expression(stress, on_edge, comm=self.comm)
         self._d_stress = fem.Expression(d_stress, on_edge, comm=self.comm)
         self.points, self._normal = self._skin_points(on_edge)
@@ -400,7 +402,7 @@ class ContactPair:
         w: fem.Function,
         section: SectionMesh,
         laws: Mapping[str, Law],
-        fields: mixed.LawFields,
+        fields: LawFields,
     ) -> ContactInterface:
         """Make the interface of a problem (collective); parameters as of `ContactInterface`."""
         return self.kind(w, section, laws, fields, self)
@@ -411,13 +413,15 @@ def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
     return index_map.local_to_global(local.ravel()).reshape(local.shape).astype(PETSc.IntType)
 
 
-def surface_law(section: SectionMesh, laws: Mapping[str, Law], boundary: str) -> str:
-    """Kind of law of the cells on a boundary, the same on every rank (collective).
+def surface_material(
+    section: SectionMesh, laws: Mapping[str, Law], fields: LawFields, boundary: str
+) -> mixed.Material:
+    """Material of the cells on a boundary, the same on every rank (collective).
 
     Raises
     ------
     InputError
-        If several kinds meet there.
+        If laws of several kinds meet there.
     """
     topology = section.mesh.topology
     topology.create_connectivity(1, 2)
@@ -426,8 +430,8 @@ def surface_law(section: SectionMesh, laws: Mapping[str, Law], boundary: str) ->
     facets = section.facet_tags.find(section.boundaries[boundary])
     mine = {int(regions[facet_to_cell.links(facet)[0]]) for facet in facets}
     names = {tag: name for name, tag in section.regions.items()}
-    everywhere = section.mesh.comm.allgather(mine)
-    kinds = {laws[names[tag]].name for part in everywhere for tag in part}
-    if len(kinds) != 1:
-        raise InputError(f"{boundary}: laws {sorted(kinds)} meet there; one is allowed")
-    return kinds.pop()
+    there = {names[tag] for part in section.mesh.comm.allgather(mine) for tag in part}
+    if len({kind(laws[name]) for name in there}) != 1:
+        found = sorted({laws[name].name for name in there})
+        raise InputError(f"{boundary}: laws {found} meet there; one is allowed")
+    return fields.of_region(there.pop())

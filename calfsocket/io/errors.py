@@ -40,16 +40,17 @@ class SolveError(CalfsocketError, RuntimeError):
 
 
 class ConvergenceError(SolveError):
-    """The load could not be raised any farther.
+    """The full load was not reached.
 
     Attributes
     ----------
-    result
-        The last equilibrium, as the caller of a simulation gets it; None unless a simulation is
-        what failed.
+    result : Result or None
+        The last equilibrium of a simulation; None where no simulation failed.
     """
 
-    result: Any = None
+    def __init__(self, text: str, result: Any = None) -> None:
+        super().__init__(text)
+        self.result = result
 
 
 class WriteError(CalfsocketError, OSError):

@@ -1,7 +1,7 @@
 """The limb in its socket as a problem: what is held, what touches, and what the socket rests on."""
 
 from collections.abc import Callable, Mapping
-from typing import Literal
+from typing import Literal, get_args
 
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.parameters import Contact
@@ -13,6 +13,7 @@ from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 
 SocketSupport = Literal["floating", "outer-fixed"]
+SUPPORTS: tuple[SocketSupport, ...] = get_args(SocketSupport)
 
 SUPPORT_STIFFNESS = 1e-7
 """Foundation of a floating socket in N/mm^3, only where no friction stops it from turning."""

@@ -12,16 +12,15 @@ from petsc4py import PETSc
 
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.nitsche import ContactState
-from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
-from calfsocket.materials.laws import Law, law_fields, law_tags
+from calfsocket.materials.fields import LawFields
+from calfsocket.materials.law import Law
 from calfsocket.mechanics.bodies import Body
 from calfsocket.mechanics.condensation import CondensedTangent
 from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
 from calfsocket.mechanics.foundation import Foundation, FoundationTerm
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
-from calfsocket.mechanics.kernels.laws import parameter_list
 from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
@@ -60,7 +59,7 @@ class Problem:
         Space of `forms.element.section_element`.
     w : fem.Function
         Displacement (mm) and scaled pressure.
-    fields, law_tags : LawFields, MeshTags
+    fields : LawFields
         Parameters of the laws, and where each kind of law is.
     constrained : (n,) int
         Owned unknowns that are constrained.
@@ -85,16 +84,11 @@ class Problem:
         self.comm: MPI.Comm = domain.comm
         self.V = fem.functionspace(domain, section_element())
         self.w = fem.Function(self.V, name="displacement_and_pressure")
-        by_tag = {section.regions[name]: law for name, law in laws.items()}
-        self.fields = law_fields(domain, section.cell_tags, by_tag)
-        self.law_tags = law_tags(domain, section.cell_tags, by_tag)
+        self.fields = LawFields(domain, section.cell_tags, section.regions, laws)
         self.foundation = FoundationTerm(foundation, section, self.V) if foundation else None
-        owned = domain.topology.index_map(2).size_local
-        of_laws = {law: self.law_tags.find(tag) for law, tag in mixed.LAW_IDS.items()}
         self._tissues = CellLoops(
             self.w,
             self.fields,
-            {law: cells[cells < owned] for law, cells in of_laws.items()},
             (self.foundation.stiffness, self.foundation.anchor) if self.foundation else None,
         )
         self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
@@ -144,19 +138,8 @@ class Problem:
         ValueError
             If a region would change its kind of law.
         """
-        changed = self.region_laws | dict(laws)
-        for name, law in changed.items():
-            if law.name != self.region_laws[name].name:
-                raise ValueError(f"{name} is {self.region_laws[name].name}, not {law.name}")
-        section = self.section
-        fields = law_fields(
-            section.mesh,
-            section.cell_tags,
-            {section.regions[name]: law for name, law in changed.items()},
-        )
-        for mine, new in zip(parameter_list(self.fields), parameter_list(fields), strict=True):
-            mine.x.array[:] = new.x.array
-        self.region_laws = changed
+        self.fields.set_laws(laws)
+        self.region_laws |= laws
 
     # -- history of friction --------------------------------------------------------------------
 

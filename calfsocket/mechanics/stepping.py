@@ -37,8 +37,12 @@ class LoadSteps(Strict):
         See `growth`.
     cutback : float
         Factor on the step after a failure, between 0 and 1.
-    extrapolate : bool
-        Start Newton from the secant through the last two states.
+    extrapolate : bool, optional
+        Start Newton from the secant through the last two states. By default, simulations do so with
+        material sets whose muscle and fascia are combined: nothing buckles there, the path is
+        smooth, and it saves half of the iterations. A separate, stiff fascia waves in the soft
+        muscle, and a start ahead of the friction may end on another branch (TC Separate, coarse:
+        0.5 % less contact pressure).
 
     Raises
     ------
@@ -52,7 +56,7 @@ class LoadSteps(Strict):
     growth: Annotated[Number, Field(ge=1)] = 1.5
     few_iterations: Annotated[int, Field(strict=True, ge=0)] = 5
     cutback: Annotated[Number, Field(gt=0, lt=1)] = 0.4
-    extrapolate: Annotated[bool, Field(strict=True)] = False
+    extrapolate: Annotated[bool, Field(strict=True)] | None = None
 
     @model_validator(mode="after")
     def _in_order(self) -> "LoadSteps":
@@ -159,7 +163,7 @@ class LoadStepper:
         self.steps: list[LoadStep] = []
         self._on_iteration = on_iteration
         self._on_step = on_step
-        self._on_milestone = on_milestone
+        self.on_milestone = on_milestone
         self._target = 0.0
         self.newton = Newton(problem, self._monitor, full_steps_first)
 
@@ -207,9 +211,9 @@ class LoadStepper:
                 x.copy(converged)
                 load_before, load, found = load, target, True
                 step = self._grown(step, result)
-                if self._on_milestone is not None:
+                if self.on_milestone is not None:
                     arc, steps = problem.slip_history, tuple(self.steps)
-                    self._on_milestone(
+                    self.on_milestone(
                         Milestone(load, load_before, step, converged, before, arc, steps)
                     )
                 continue
@@ -230,7 +234,7 @@ class LoadStepper:
 
     @property
     def _extrapolates(self) -> bool:
-        return isinstance(self.control, LoadSteps) and self.control.extrapolate
+        return isinstance(self.control, LoadSteps) and bool(self.control.extrapolate)
 
     def _first(self) -> float:
         return self.control.first if isinstance(self.control, LoadSteps) else 1.0

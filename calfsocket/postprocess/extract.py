@@ -104,6 +104,11 @@ def contact_line(model: Problem) -> ContactLine | None:
     xi = np.where(flipped[:, None], -on_edge, on_edge)
     arc = chain.arc(np.repeat(np.arange(len(order)), n_points), xi.ravel())
     along = np.argsort(arc)
+    if not np.isclose(weight.sum(), chain.length, rtol=1e-3):
+        raise ValueError(
+            f"the contact points stand for {weight.sum():.6g} mm of skin, whose outline is "
+            f"{chain.length:.6g} mm long"
+        )
     pick = (n_points * order[:, None] + np.arange(n_points)).ravel()[along]
     return ContactLine(
         arc_mm=arc[along],
@@ -115,7 +120,6 @@ def contact_line(model: Problem) -> ContactLine | None:
         gap_mm=gap[pick],
         weight_mm=weight[pick],
         status=np.array(STATUS_NAMES)[status[pick]],
-        circumference_mm=chain.length,
     )
 
 
@@ -123,16 +127,16 @@ def _at_gauss_points(model: Problem, n_cells: int) -> tuple[NDArray[np.float64],
     """F, Cauchy stress s11, s22, s33, s12 and p (both MPa, > 0 in tension) of the first cells."""
     domain, fields = model.section.mesh, model.fields
     u, p_dof = ufl.split(model.w)
-    F, p = deformation_gradient(u), mixed.pressure(p_dof, fields)
+    F, p = deformation_gradient(u), mixed.pressure(p_dof, fields.pressure_scale)
 
     def evaluate(expression: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
         return fem.Expression(expression, GAUSS_POINTS, comm=model.comm).eval(domain, cells)
 
     stress = np.empty((n_cells, 3, 4))
-    for law, tag in mixed.LAW_IDS.items():
-        cells = model.law_tags.find(tag)
+    for tag, material in fields.materials.items():
+        cells = fields.tags.find(tag)
         cells = cells[cells < n_cells]
-        stress[cells] = evaluate(cauchy_stress(law, F, p, fields), cells).reshape(-1, 3, 4)
+        stress[cells] = evaluate(cauchy_stress(material, F, p), cells).reshape(-1, 3, 4)
     every = np.arange(n_cells, dtype=np.int32)
     return evaluate(F, every).reshape(-1, 3, 2, 2), stress, evaluate(p, every)
 

@@ -97,7 +97,7 @@ class EnergyMeter:
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        domain, cells = problem.section.mesh, problem.law_tags
+        domain, cells = problem.section.mesh, problem.fields.tags
         of_socket = (
             problem.section.cell_regions()[cells.indices] == problem.section.regions[tags.SOCKET]
         )
@@ -105,7 +105,7 @@ class EnergyMeter:
         for part in (~of_socket, of_socket):
             laws = mesh.meshtags(domain, 2, cells.indices[part], cells.values[part])
             potential = mixed.potential(
-                problem.w, problem.fields, mixed.volume_measure(domain, laws)
+                problem.w, problem.fields.materials, mixed.volume_measure(domain, laws)
             )
             self._stored.append(fem.form(potential, jit_options=JIT_OPTIONS))
         contact = problem.contact

@@ -23,7 +23,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.materials.tissues import MaterialSet, material_set
+from calfsocket.materials.material_set import BaseSet, MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper
@@ -127,7 +127,7 @@ class RingCase:
 
 
 def solve_ring(
-    material: MaterialSet,
+    material: BaseSet,
     overclosure: float,
     h: float,
     steps: int = 1,
@@ -147,7 +147,7 @@ def solve_ring(
     fields, count_modes : bool
         Whether stress and stretch are compared, and negative modes counted.
     """
-    laws = material_set(material)
+    laws = MaterialSet.paper(material).tissue_laws()
     inner = LIMB[-1].outer - overclosure
     layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
     section = ring_mesh(MPI.COMM_SELF, layers, (inner, inner + SOCKET_THICKNESS), h)
@@ -241,7 +241,7 @@ def report() -> Section:
     }
     checks = []
     for material in MATERIALS:
-        laws = material_set(material)
+        laws = MaterialSet.paper(material).tissue_laws()
         exact = exact_ring(laws, OVERCLOSURE)
         nodes = exact_ring(laws, OVERCLOSURE, nodes=28).pressure / exact.pressure - 1.0
         work, itself = work_error(laws, OVERCLOSURE), "the radial solution itself"
@@ -250,7 +250,7 @@ def report() -> Section:
             Check(f"{material}: twice the nodes", nodes, 1e-12, itself),
         ]
         checks += [check for case in cases[material, SIZES[-1]] for check in case.checks()]
-    gap, wave = onset(material_set("separate"), OVERCLOSURE, WAVES)
+    gap, wave = onset(MaterialSet.paper("separate").tissue_laws(), OVERCLOSURE, WAVES)
     last = {key: steps[-1] for key, steps in cases.items()}
     convergence: list[Curve] = [
         (SIZES, [abs(last[material, h].pressure_error) for h in SIZES], style, material)
@@ -302,7 +302,7 @@ def _stress_lines(exact: dict[MaterialSet, ExactRing]) -> list[Curve]:
 
 
 def _mode_lines(found: list[RingCase]) -> list[Curve]:
-    laws = material_set("separate")
+    laws = MaterialSet.paper("separate").tissue_laws()
     share = np.linspace(0.05, 1.0, 20)
     ends = np.append(share - 0.025, 1.025)
     counts = [

@@ -34,7 +34,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.special import xlogy
 
-from calfsocket.meshes.blocks import LIMB
+from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.hertz import PARTIAL_SLIP, SHARE, Line, Pressed, read, root_mean
 from calfsocket.verification.report import Check, Curve, Section, curves
 from calfsocket.verification.sampling import Slid, worst

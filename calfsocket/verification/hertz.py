@@ -33,7 +33,8 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
-from calfsocket.meshes.blocks import LIMB, DiscInCavity
+from calfsocket.meshes.disc import DiscInCavity
+from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.problems import held_socket
 from calfsocket.verification.report import LOG, Check, Curve, Section, curves
 from calfsocket.verification.sampling import deviation, edge_means

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.io.errors import InputError, SolveError
-from calfsocket.meshes.data import load_sockets
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
 from calfsocket.meshes.sizing import named_size
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.vtu import read_fields
 from calfsocket.simulation.case import Settings
 from calfsocket.study.study import all_cases
@@ -158,7 +158,7 @@ def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
     """
     settings = Settings(size=size)
     paths, failures = [], []
-    for case in all_cases(load_sockets()):
+    for case in all_cases(reference_sockets()):
         ways: list[tuple[float, bool | None]] = [(largest, None) for largest in STEPS]
         if case.material_set == "separate":
             ways.append((STEPS[0], True))
@@ -224,8 +224,8 @@ def _run_checks(folders: Mapping[str, Path]) -> list[Check]:
     for size, folder in folders.items():
         entries = run_entries(folder).values()
         solved = sum(entry["status"] == "solved" for entry in entries)
-        modes = sum(entry["negative_modes"] for entry in entries)
-        force = max(entry["relative_force_imbalance"] for entry in entries)
+        modes = sum(entry["checks"]["negative_modes"] for entry in entries)
+        force = max(entry["checks"]["relative_force_imbalance"] for entry in entries)
         checks += [
             Check(f"{size}: runs at full load", solved, len(entries), "count", rule="exactly"),
             Check(f"{size}: negative modes of all runs", modes, 0, "stability", rule="exactly"),
@@ -245,7 +245,7 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
             f"{name}: last change, worst run",
             float(
                 table.loc[
-                    (table["tissue"] == tissue) & (table["outcome"] == outcome),
+                    (table["tissue"] == tissue) & (table["quantity"] == quantity),
                     f"change_{finest}_pct",
                 ]
                 .abs()
@@ -255,13 +255,13 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
             "the mesh before",
             "%",
         )
-        for (tissue, outcome), name in pressures.items()
+        for (tissue, quantity), name in pressures.items()
     ]
 
 
 def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> list[Check]:
     reached = sum(path.as_the_study(path.largest) for path in paths)
-    asked = len(STEPS) * len(all_cases(load_sockets()))
+    asked = len(STEPS) * len(all_cases(reference_sockets()))
     checks = [
         Check("the study's paths that reach the full load", reached, asked, "count", rule="exactly")
     ]
@@ -287,7 +287,7 @@ def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) 
 
 def _fascia_quantiles(folders: Mapping[str, Path]) -> pd.DataFrame:
     rows = []
-    for socket in load_sockets().sockets:
+    for socket in reference_sockets():
         for size, folder in folders.items():
             fields = read_fields(folder / f"{socket}_separate")
             stress = convergence.stress_quantiles(fields, "fascia")

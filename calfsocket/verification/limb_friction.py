@@ -43,9 +43,10 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps
 from calfsocket.meshes import tags
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import Socket
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
 from calfsocket.postprocess.quantities import running_mean, summary_rows
@@ -144,8 +145,12 @@ def fit(
     support : str
         Whether the socket floats.
     """
-    limb, laws, tissues = load_limb(), case_laws(case, Settings()), region_tissues(load_limb())
-    section = section_mesh(MPI.COMM_SELF, limb, load_sockets().socket(case.socket), mesh_size(size))
+    limb, laws, tissues = (
+        Limb.reference(),
+        case_laws(case, Settings()),
+        region_tissues(Limb.reference()),
+    )
+    section = section_mesh(MPI.COMM_SELF, limb, Socket.reference(case.socket), mesh_size(size))
     region_laws = {name: laws[tissues[name]] for name in section.regions}
     problem = path_problem(path, section, region_laws, contact, support)
     skin = problem.contact

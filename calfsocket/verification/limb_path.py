@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from calfsocket.io.errors import SolveError
 from calfsocket.mechanics.stepping import LoadStep
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.postprocess.quantities import summary_rows
 from calfsocket.simulation.case import Case, Run, Settings, region_tissues, step_control
@@ -103,8 +104,8 @@ def follow(
     SolveError
         If the run does not reach the full load.
     """
-    limb = load_limb()
-    socket = load_sockets().socket(case.socket)
+    limb = Limb.reference()
+    socket = Socket.reference(case.socket)
     with recording() as solves:
         run = Run(MPI.COMM_SELF, case, settings, limb, socket, on_step=lambda s: record(s))
         stepper, model = run.stepper, run.model

@@ -2,8 +2,8 @@ r"""Manufactured solutions on curved triangles.
 
 **Manufactured solutions.** On a quarter ring of curved triangles a displacement of sines is held at
 the inner arc, and the body force and tractions that it needs are applied; they are made from
-`closed_forms` by a complex step. The displacement is a shear along y after one along x, which keeps
-every volume; for the compressible law a swelling is added.
+`Law.kirchhoff` by a complex step. The displacement is a shear along y after one along x, which
+keeps every volume; for the compressible law a swelling is added.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,6 @@ import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from calfsocket.materials.closed_forms import closed_kirchhoff
 from calfsocket.materials.laws import Law
 from calfsocket.materials.tissues import FASCIA, SKIN
 from calfsocket.mechanics.constraints import Constraint
@@ -92,7 +91,7 @@ def nominal_stress(exact: Manufactured, x: Array) -> Array:
     r"""P = tau F^-T at positions, MPa; (2, 2, n).
 
     In the plane tau = beta b + eta I with b = F F^T, so that it has the principal values that
-    `closed_kirchhoff` gives; these, by the trace and determinant of b, are analytic, which the
+    `Law.kirchhoff` gives; these, by the trace and determinant of b, are analytic, which the
     complex step in `body_force` needs.
     """
     G = exact.gradient(x)
@@ -101,7 +100,7 @@ def nominal_stress(exact: Manufactured, x: Array) -> Array:
     b = np.einsum("ik...,jk...->ij...", F, F)
     half, root = 0.5 * (b[0, 0] + b[1, 1]), np.sqrt(0.25 * (b[0, 0] - b[1, 1]) ** 2 + b[0, 1] ** 2)
     squared = np.array([half + root, J**2 / (half + root)])
-    tau = closed_kirchhoff(exact.law, np.array([*np.sqrt(squared), np.ones_like(J)]))
+    tau = exact.law.kirchhoff(np.array([*np.sqrt(squared), np.ones_like(J)]))
     beta = (tau[0] - tau[1]) / (2.0 * root)
     eta = tau[0] - beta * squared[0] + J * exact.pressure(x)
     cofactor = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])

@@ -15,7 +15,8 @@ import ufl
 from numpy.typing import NDArray
 
 from calfsocket.materials.laws import Law, Ogden
-from calfsocket.materials.tissues import FASCIA, MUSCLE, material_set
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import FASCIA, MUSCLE
 from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.problem import Problem
 from calfsocket.verification.problems import solved
@@ -51,7 +52,7 @@ STIFF_MUSCLE = Ogden(tuple(1e4 * mu for mu in MUSCLE.mu), MUSCLE.alpha, 1e-4 * M
 
 def patch_strips() -> dict[str, list[Law]]:
     """Return strips of the patch tests: modulus ratio 1e4, incompressible, and all tissues."""
-    separate = material_set("separate")
+    separate = MaterialSet.paper("separate").tissue_laws()
     return {
         "muscle beside 1e4 times muscle": [MUSCLE, STIFF_MUSCLE, MUSCLE],
         "incompressible block": [FASCIA],

@@ -31,7 +31,6 @@ from calfsocket.contact.friction import OPEN, SLIP, STICK
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky, Law
 from calfsocket.materials.tissues import FASCIA, MUSCLE, SKIN, VESSEL
-from calfsocket.mechanics.kernels.laws import parameter_list
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
@@ -201,7 +200,7 @@ def moved(problem: Problem, parameter: str) -> Iterator[None]:
 
 def law_parameters(problem: Problem) -> dict[str, fem.Function]:
     """Return the parameters of the laws, by name."""
-    return {parameter.name: parameter for parameter in parameter_list(problem.fields)}
+    return {parameter.name: parameter for parameter in problem.fields.parameters}
 
 
 Moves = dict[tuple[str, str], tuple[float, float, bool]]
