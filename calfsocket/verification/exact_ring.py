@@ -47,7 +47,7 @@ OVERCLOSURE = 0.92
 """mm; 5.3 % of the limb's area, as much as the tightest socket of the study takes off. No quarter
 of it is within 5 % of an overclosure at which another wave becomes unstable."""
 
-MATERIALS: tuple[MaterialSet, ...] = ("separate", "combined")
+MATERIALS: tuple[BaseSet, ...] = ("separate", "combined")
 STEPS = 4
 WAVES = range(41)
 
@@ -289,7 +289,7 @@ def report() -> Section:
     )
 
 
-def _stress_lines(exact: dict[MaterialSet, ExactRing]) -> list[Curve]:
+def _stress_lines(exact: dict[BaseSet, ExactRing]) -> list[Curve]:
     lines: list[Curve] = []
     for (material, ring_state), style in zip(exact.items(), ("-", "--"), strict=True):
         for k, ring in enumerate(LIMB):
