@@ -4,6 +4,7 @@ from typing import Any
 
 import pandas as pd
 
+from calfsocket.materials.laws import LAWS
 from calfsocket.postprocess.quantities import UNITS
 from calfsocket.report import names
 from calfsocket.report.results import Results, is_of_paper
@@ -11,8 +12,6 @@ from calfsocket.report.table import Table, number, spread
 from calfsocket.study.sweep_table import SWEEP_FILE
 
 _CONTACT = ("contact_pressure_max", "contact_pressure_mean", "contact_share")
-_PARAMETERS = {"mu": "MPa", "alpha": "", "d1": "1/MPa", "c10": "MPa", "c20": "MPa", "c30": "MPa",
-               "e": "MPa", "nu": ""}  # fmt: skip
 
 
 def build(results: Results) -> list[Table]:
@@ -36,18 +35,17 @@ def _laws(results: Results) -> Table:
     rows = []
     for material_set in results.material_sets:
         for tissue, law in results.run["laws"][material_set].items():
-            for symbol, unit in _PARAMETERS.items():
-                if symbol in law:
-                    rows.append(
-                        {
-                            "material_set": material_set,
-                            "tissue": tissue,
-                            "law": law["law"],
-                            "symbol": symbol,
-                            "unit": unit,
-                            "value": _numbers(law[symbol]),
-                        }
-                    )
+            rows += [
+                {
+                    "material_set": material_set,
+                    "tissue": tissue,
+                    "law": law["law"],
+                    "symbol": symbol,
+                    "unit": unit,
+                    "value": _numbers(law[symbol]),
+                }
+                for symbol, unit in LAWS[law["law"]].units().items()
+            ]
     data = pd.DataFrame(rows)
     text = data.symbol + " " + data.value + " " + data.unit
     both = data.assign(text=text.str.strip())
