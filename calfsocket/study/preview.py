@@ -3,11 +3,6 @@
 import textwrap
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -38,7 +33,7 @@ def draw(plan: Plan, path: Path) -> None:
     lines = _lines(plan, len(sockets))
     text = LINE_INCH * (len(lines) + 2)
     size = (max(columns * PANEL_INCH, 8.0), rows * (PANEL_INCH + 0.5) + text + 0.5)
-    figure = plt.figure(figsize=size, dpi=150)
+    figure = Figure(figsize=size, dpi=150)
     for number, case in enumerate(sockets):
         row, column = divmod(number, columns)
         left = column / columns
@@ -52,11 +47,10 @@ def draw(plan: Plan, path: Path) -> None:
     )  # fmt: skip
     with replacing(path) as temporary:
         figure.savefig(temporary, facecolor="white")
-    plt.close(figure)
 
 
 def _different(plan: Plan) -> list[Case]:
-    """One case for each geometry, and each choice of regions with laws of their own."""
+    """Return one case for each socket."""
     found: dict[AnySocket, Case] = {}
     for case in plan.cases:
         found.setdefault(plan.sockets[case.socket], case)
@@ -103,7 +97,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
 
 
 def _own_regions(plan: Plan) -> set[str]:
-    """Regions that some set of the study gives a law of their own."""
+    """Return regions that some material set of the study gives a law of their own."""
     regions = {region.name for region in plan.limb.regions}
     named = {name for case in plan.cases for name in (case.settings or plan.settings).materials}
     return (named & regions) - set(drawing.SOFT_TISSUES)
@@ -114,14 +108,10 @@ def _points(curve: ClosedCurve) -> np.ndarray:
 
 
 def _path(outer: ClosedCurve, *holes: ClosedCurve) -> Outline:
-    """Path of a region; holes turn the other way."""
-    parts = [Outline(_closed(_points(outer)), closed=True)]
-    parts += [Outline(_closed(_points(hole)[::-1]), closed=True) for hole in holes]
-    return Outline.make_compound_path(*parts)
-
-
-def _closed(points: np.ndarray) -> np.ndarray:
-    return np.vstack([points, points[:1]])
+    """Return the path of a region; holes turn the other way."""
+    loops = [_points(outer), *(_points(hole)[::-1] for hole in holes)]
+    closed = [Outline(np.vstack([loop, loop[:1]]), closed=True) for loop in loops]
+    return Outline.make_compound_path(*closed)
 
 
 def _draw_legend(figure: Figure, bottom_inch: float) -> None:
@@ -139,7 +129,7 @@ def _draw_legend(figure: Figure, bottom_inch: float) -> None:
 
 
 def _lines(plan: Plan, drawn: int) -> list[str]:
-    """Tell in words what would be solved."""
+    """Return in words what would be solved."""
     settings = plan.settings
     lines = [
         f"{len(plan.cases)} cases; mesh {settings.size}, friction {settings.contact.fric_coeff:g}, "
@@ -152,8 +142,8 @@ def _lines(plan: Plan, drawn: int) -> list[str]:
     ]
     for case in plan.cases[:MOST_LISTED]:
         own = sorted((case.settings or settings).materials)
-        told = f"  own laws: {', '.join(own)}" if own else ""
-        lines += textwrap.wrap(f"{case.name}{told}", 110, subsequent_indent="    ")
+        laws = f"  own laws: {', '.join(own)}" if own else ""
+        lines += textwrap.wrap(f"{case.name}{laws}", 110, subsequent_indent="    ")
     if len(plan.cases) > MOST_LISTED:
         lines.append(f"and {len(plan.cases) - MOST_LISTED} more")
     if drawn == MOST_SHOWN:
