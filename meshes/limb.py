@@ -220,6 +220,11 @@ class Limb(Strict):
         )
 
     @property
+    def tissues(self) -> dict[str, str]:
+        """Region name -> tissue."""
+        return {region.name: region.tissue for region in self.regions}
+
+    @property
     def region_tags(self) -> dict[str, int]:
         """Region name -> tag of its cells, without the socket."""
         return {region.name: region.id for region in self.regions}

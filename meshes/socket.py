@@ -62,6 +62,8 @@ class Socket(Strict):
 
     Attributes
     ----------
+    name : str
+        What cases, tables and folders call it; in a study file that is the name of its table.
     title : str
         For people.
     wall_thickness : float
@@ -70,6 +72,7 @@ class Socket(Strict):
         Young's modulus, MPa, and Poisson's ratio of the wall, in the place of the material set's.
     """
 
+    name: str = "socket"
     title: str = ""
     wall_thickness: Wall = 4.5
     modulus: Modulus | None = None
@@ -299,7 +302,8 @@ def _reference() -> Sockets:
 
 def reference_sockets() -> dict[str, AnySocket]:
     """Return the sockets of the paper by name: TC, TSB and HS."""
-    return dict(_reference().sockets)
+    sockets = _reference().sockets
+    return {name: each.model_copy(update={"name": name}) for name, each in sockets.items()}
 
 
 def _named(name: str, sockets: Mapping[str, AnySocket]) -> AnySocket:
@@ -379,6 +383,7 @@ class _Table:
     ) -> dict[str, Any]:
         kinds = [handler.resolve_ref_schema(kind) for kind in handler(schema)["oneOf"]]
         for kind in kinds:
+            del kind["properties"]["name"]  # that of its table
             for field in kind["properties"].values():
                 field.pop("default", None)  # a number without a unit
         offset, blend, outline = (dict(kind["properties"]) for kind in kinds)

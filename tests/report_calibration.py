@@ -1,13 +1,12 @@
 """A hand-made calibration in a folder, as `calibrate` writes it, for the tests of the report."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
 from PIL import Image
 
 from calfsocket.calibration.record import CalibrationRecord
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 
 FORCE = {
     "separate": (10.0, 20.0, 30.0, 40.0),
@@ -26,8 +25,8 @@ def write_calibration(
     fitted |= {"start": {"mu_kPa": 5.0, "alpha": 5.0}, "rms_share_of_largest_force": 0.05}
     fitted |= {"parameters": ["mu", "alpha"], "correlation": [[1, 0], [0, 1]], "curves_solved": 9}
     covariance = [[0.0004, 0.0], [0.0, 0.0225]]
-    separate = material_set("separate")
-    laws = {tissue: {"law": law.name, **asdict(law)} for tissue, law in separate.items()}
+    separate = MaterialSet.paper("separate").tissue_laws()
+    laws = {tissue: law.model_dump(mode="json") for tissue, law in separate.items()}
     content = {
         "inputs": {
             "specimen": "compound",

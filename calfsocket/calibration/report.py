@@ -1,6 +1,5 @@
 """A calibration written to its folder, and as tables for people."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
@@ -18,11 +17,11 @@ from calfsocket.calibration.record import (
     Start,
     write_curves,
 )
-from calfsocket.calibration.run import Calibration, Settings
+from calfsocket.calibration.run import Calibration, Settings, separate_laws
 from calfsocket.calibration.specimen import LIMB_PLATE
 from calfsocket.materials.file import write_material
 from calfsocket.materials.laws import Ogden
-from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA, material_set
+from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA
 
 MATERIAL_FILE = "combined.toml"
 
@@ -51,7 +50,7 @@ def record(calibration: Calibration, settings: Settings) -> CalibrationRecord:
     specimen = calibration.specimen
     on_compound = settings.specimen == "compound"
     geometry = settings.compound if on_compound else settings.limb
-    separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
+    separate = separate_laws(settings)
     return CalibrationRecord(
         inputs=Inputs(
             specimen=settings.specimen,
@@ -61,10 +60,10 @@ def record(calibration: Calibration, settings: Settings) -> CalibrationRecord:
             cells=specimen.section.mesh.topology.index_map(2).size_global,
             stroke_mm=specimen.stroke,
             points=settings.points,
-            contact=asdict(settings.contact),
+            contact=settings.contact.model_dump(),
             free_d=settings.free_d,
             nu=None if settings.free_d else NU,
-            laws={tissue: {"law": law.name, **asdict(law)} for tissue, law in separate.items()},
+            laws={tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
         ),
         fits=tuple(map(_fitted, calibration.fits)),
         table1=CombinedLaw(**_parameters(MUSCLE_AND_FASCIA)),

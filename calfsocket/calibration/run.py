@@ -13,10 +13,11 @@ from calfsocket.calibration.indentation import Curve, Indentation
 from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.calibration.record import deviation
 from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law, Ogden
-from calfsocket.materials.tissues import KPA, FasciaC10, material_set
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import KPA, FasciaC10
 from calfsocket.meshes.compound import Compound
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import named_size
@@ -48,7 +49,7 @@ class Settings:
         "printed" or "tables" (`tissues.FASCIA_C10`).
     materials : mapping of tissue name to law
         Laws of the Separate set in the place of Table 1's.
-    contact : ContactParameters
+    contact : Contact
         Friction and Nitsche stiffness.
     stroke : float, optional
         Way of the plate, mm; the specimen's own otherwise.
@@ -66,7 +67,7 @@ class Settings:
     size: str = "coarse"
     fascia_c10: FasciaC10 = "printed"
     materials: Mapping[str, Law] | None = None
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=Contact)
     stroke: float | None = None
     points: int = 8
     starts: tuple[Ogden, ...] = STARTS
@@ -136,6 +137,12 @@ class Calibration:
         return softer | further
 
 
+def separate_laws(settings: Settings) -> dict[str, Law]:
+    """Laws of the separate materials, by tissue."""
+    paper = MaterialSet.paper("separate", settings.fascia_c10)
+    return paper.replace_known(settings.materials or {}).tissue_laws()
+
+
 def calibrate(
     comm: MPI.Comm, settings: Settings, on_line: Callable[[str], None] = lambda text: None
 ) -> Calibration:
@@ -152,7 +159,7 @@ def calibrate(
     """
     specimen = _specimen(comm, settings)
     displacements = specimen.stroke / settings.points * np.arange(1.0, settings.points + 1)
-    separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
+    separate = separate_laws(settings)
     curves = {}
 
     def press(name: str, laws: Mapping[str, Law]) -> Indentation:
@@ -162,13 +169,13 @@ def calibrate(
         return test
 
     reference = press(SEPARATE, separate)
-    fields = section_fields(reference.model, specimen.tissues)
+    fields = section_fields(reference.problem, specimen.tissues)
     press(IGNORED, separate | {"fascia": separate["muscle"]})
 
     def combined(law: Law) -> dict[str, Law]:
         return separate | {"muscle": law, "fascia": law}
 
-    table1 = material_set("combined", materials=settings.materials)["muscle"]
+    table1 = MaterialSet.paper("combined").replace_known(settings.materials or {}).laws["combined"]
     test = press(TABLE1, combined(table1))
 
     def curve_of(law: Ogden, neighbours: Sequence[Ogden]) -> Curve:

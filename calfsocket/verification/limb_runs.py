@@ -9,7 +9,6 @@ import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
 from calfsocket.simulation.case import Case, Settings
@@ -17,7 +16,7 @@ from calfsocket.study.study import RUN_FILE, Study, check_folder, run_study
 
 
 def solved_study(
-    folder: Path, settings: Settings, material_sets: Sequence[MaterialSet] = MATERIAL_SETS
+    folder: Path, settings: Settings, material_sets: Sequence[BaseSet] = BASE_SETS
 ) -> Path:
     """Make sure that a folder holds the cases of all sockets, and return it.
 
