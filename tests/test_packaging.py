@@ -17,12 +17,14 @@ VERSION = f"calfsocket {calfsocket.__version__}"
 READ_DATA = """
 import calfsocket.forms
 from calfsocket.meshes import data
-from calfsocket.report import page, published, writing
+from calfsocket.paper import guest, published
+from calfsocket.report import templates, write
 data.load_limb()
 data.load_sockets()
-published.claims()
-page.read_template("report.html")
-page.read_template("report.css")
+published.claims(), published.checks()
+for name in ("report.html", "table.html", "report.css"):
+    templates.read(name)
+templates.read("scoreboard.html", "calfsocket.paper.templates")
 from calfsocket.study import reading
 reading.paper_study().plan()
 reading.example()
