@@ -1,7 +1,7 @@
 """Hand-made results in a folder, as a study writes them, for the tests of the report."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,17 @@ import pandas as pd
 
 from calfsocket.io.files import write_json
 from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.materials.material_set import BASE_SETS, MaterialSet
+from calfsocket.mechanics.stepping import LoadSteps
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.thresholds import Threshold, shares_beyond
-from calfsocket.simulation.case import Case, Settings, case_laws
-from calfsocket.simulation.record import CaseRecord, Checks
+from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord, StudySource
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import Results, RunContent, of_case
+from calfsocket.simulation.results import Results, of_case
+from calfsocket.study.document import ModelTable
 from sections import grid, limb_and_socket, section
 
 Key = tuple[str, str]
@@ -158,28 +161,28 @@ def result(key: Key, fields: SectionFields, line: ContactLine, **about: Any) -> 
     )
 
 
-def run_content(settings: Settings | None = None) -> dict[str, Any]:
-    """Return what a run.json says of inputs and versions."""
-    settings = settings or Settings(size="coarse")
-    laws = {
-        name: {
-            tissue: {"law": law.name, **asdict(law)}
-            for tissue, law in case_laws(Case("", name), settings).items()
-        }
-        for name in ("separate", "combined")
-    }
-    return {
-        "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        "inputs": {"settings": asdict(settings), "cases": dict.fromkeys(map("_".join, ALL), "")},
-        "laws": laws,
-        "limb": load_limb().model_dump(mode="json"),
-        "sockets": load_sockets().model_dump(mode="json"),
-    }
+def study_record(records: Iterable[CaseRecord], model: ModelTable | None = None) -> StudyRecord:
+    """Return what a run.json has."""
+    model = model or ModelTable(size="coarse")
+    sets = [MaterialSet.paper(name, model.fascia_c10, model.ogden_form) for name in BASE_SETS]
+    return StudyRecord(
+        versions={"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
+        petsc_options={},
+        ranks=1,
+        study=StudySource(file="study.toml", content={}),
+        settings={"model": model.model_dump(), "steps": LoadSteps(extrapolate=False).model_dump()},
+        limb=Limb.reference(),
+        sockets=reference_sockets(),
+        laws={each.name: each.tissue_laws() for each in sets},
+        inputs={},
+        finished=True,
+        cases={record.name: record for record in records},
+    )
 
 
 def results_of(
     cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
-    settings: Settings | None = None,
+    model: ModelTable | None = None,
     folder: Path = Path("nowhere"),
 ) -> Results:
     """Return results that are in no file."""
@@ -187,7 +190,7 @@ def results_of(
         key: case if isinstance(case, Result) else result(key, *case) for key, case in cases.items()
     }
     records = {key: each.record for key, each in made.items()}
-    run = RunContent(cases={each.name: each for each in records.values()}, **run_content(settings))
+    run = study_record(records.values(), model)
     return Results(folder, run, records, lambda record: made[record.key])
 
 
@@ -215,7 +218,7 @@ def with_summary(results: Results, summary: pd.DataFrame) -> Results:
 def write_results(
     folder: Path,
     cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
-    settings: Settings | None = None,
+    model: ModelTable | None = None,
     failed: Mapping[Key, str] | None = None,
     thresholds: Sequence[Threshold] = (),
 ) -> Path:
@@ -236,9 +239,6 @@ def write_results(
     for name, parts in tables.items():
         path = folder / f"{name}.csv"
         pd.concat(parts).to_csv(path, index=False, float_format=FLOAT_FORMAT)
-    run = run_content(settings) | {
-        "finished": True,
-        "cases": {record.name: record.model_dump(mode="json") for record in records},
-    }
+    run = study_record(records, model).model_dump(mode="json", exclude_none=True)
     write_json(folder / "run.json", run)
     return folder

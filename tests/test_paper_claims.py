@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.paper import published
 from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, RULES, fact, holds
 from calfsocket.paper.claims.tolerances import about, about_change
@@ -24,8 +23,8 @@ from calfsocket.paper.scoreboard import (
 from calfsocket.report.changes import magnitude_change
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.findings import Findings
-from calfsocket.simulation.case import Settings
 from calfsocket.simulation.results import Results, load_results
+from calfsocket.study.document import ModelTable
 from report_results import ALL, limb_study, results_of, with_summary, with_value
 
 
@@ -207,12 +206,8 @@ def test_a_tie_is_no_ranking(six_results):
 
 
 def test_choices_of_the_study_are_named():
-    settings = Settings(
-        fascia_c10="tables",
-        ogden_form="as-printed",
-        contact=ContactParameters(fric_coeff=0.0),
-    )
-    board = scoreboard(evidence(results_of(limb_study(ALL[:1]), settings))).set_index("id")
+    model = ModelTable(fascia_c10="tables", ogden_form="as-printed", friction=0.0)
+    board = scoreboard(evidence(results_of(limb_study(ALL[:1]), model))).set_index("id")
     assert board.verdict["C024"] == FAILS and board.verdict["C023"] == HOLDS
     assert "C10 is 0.491 MPa" in board.why["C024"]
     assert board.verdict["C002"] == board.verdict["C044"] == FAILS

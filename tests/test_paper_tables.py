@@ -9,7 +9,7 @@ from calfsocket.paper.evidence import STRAINS, Evidence
 from calfsocket.paper.tables import tables
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import TIMES, TOGETHER, number
-from calfsocket.simulation.case import Settings
+from calfsocket.study.document import ModelTable
 from report_results import ALL, contact_on, limb, limb_study, results_of
 
 
@@ -46,7 +46,7 @@ def test_table_1_in_the_papers_units(evidence):
 
 
 def test_table_1_of_other_choices():
-    study = results_of(limb_study(ALL[:1]), Settings(fascia_c10="tables"))
+    study = results_of(limb_study(ALL[:1]), ModelTable(fascia_c10="tables"))
     laws = Evidence(Findings(study)).laws
     rows = comparison.materials(laws).set_index(["material", "symbol"])
     assert rows.ratio["fascia", "C10"] == pytest.approx(0.1)

@@ -10,9 +10,8 @@ import pytest
 import pyvista
 
 from calfsocket import cli
-from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.simulation.case import Settings
-from calfsocket.study.study import Study, all_cases, longest_first
+from calfsocket.study.runner import longest_first
+from calfsocket.study.study import Study
 
 COLUMNS = [
     "socket", "material_set", "tissue", "quantity", "value", "unit", "x_mm", "y_mm", "region"
@@ -39,9 +38,7 @@ def summary(results: Path) -> pd.DataFrame:
 
 def test_long_cases_are_given_out_first():
     """HS squeezes the limb most and TSB least; the calf's own tissues take longer than combined."""
-    sockets = load_sockets()
-    study = Study(tuple(all_cases(sockets)), Settings(), load_limb(), sockets, Path("anywhere"))
-    names = [case.name for case in longest_first(study, study.cases)]
+    names = [case.name for case in longest_first(Study.paper().cases)]
     expected = [f"{socket}_{s}" for socket in ("HS", "TC", "TSB") for s in ("separate", "combined")]
     assert names == expected
 
@@ -52,7 +49,7 @@ def value(summary: pd.DataFrame, tissue: str, quantity: str) -> float:
     return float(at.value.iloc[0])
 
 
-def test_summary_has_every_outcome_of_every_tissue(summary):
+def test_summary_has_every_quantity_of_every_tissue(summary):
     assert list(summary.columns) == COLUMNS
     units = {"effective_stress": "kPa", "shear_stress": "kPa"}
     units |= {"amp_log_strain": "%", "shear_log_strain": "%"}
@@ -151,7 +148,7 @@ def test_results_of_other_settings_are_not_overwritten(results, capsys):
     before = (results / "summary.csv").read_bytes()
     words = ["--size", "coarse", "--sockets", "TSB", "--friction", "0.3", "--out", str(results)]
     assert cli.main(words) == 2
-    assert "contact.fric_coeff" in capsys.readouterr().err
+    assert "model.friction" in capsys.readouterr().err
     assert (results / "summary.csv").read_bytes() == before
 
 

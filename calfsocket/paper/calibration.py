@@ -1,27 +1,23 @@
 """The calibration of the combined material beside a study, read from its folder: Figure 3."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from PIL import Image
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator
 
 from calfsocket.calibration.names import (
-    CURVES_FILE,
     FIGURE,
     FITTED,
     FOLDER,
     IGNORED,
     LABELS,
-    RESULT_FILE,
     SEPARATE,
     TABLE1,
 )
+from calfsocket.calibration.record import CalibrationRecord, CombinedLaw, deviation, read_curves
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import read_json
 from calfsocket.report.chapters import Drawn
 from calfsocket.report.table import TOGETHER, Table, number
 
@@ -36,70 +32,6 @@ CAPTION = (
 
 class NoCalibration(InputError):
     """There is no calibration beside the study; the text says how to get one."""
-
-
-class _Content(BaseModel):
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
-
-class CombinedLaw(_Content):
-    """Ogden's law of one term for muscle and fascia."""
-
-    mu_kPa: float
-    alpha: float
-    d1_per_MPa: float
-
-
-class FittedLaw(CombinedLaw):
-    """The law fitted; covariance of the parameters as shares of them."""
-
-    alpha_at_limit: bool
-    relative_covariance: list[list[float]] = Field(min_length=2)
-
-    @field_validator("relative_covariance")
-    @classmethod
-    def _is_covariance(cls, rows: list[list[float]]) -> list[list[float]]:
-        if any(len(row) != len(rows) or row[i] < 0 for i, row in enumerate(rows)):
-            raise ValueError("it must be square, without negative numbers on its diagonal")
-        return rows
-
-    @property
-    def deviation_pct(self) -> NDArray[np.float64]:
-        """Standard deviation of each parameter, % of it."""
-        return 100 * np.sqrt(np.diag(self.relative_covariance))
-
-
-class Plate(_Content):
-    """Width over all, and radius of the edges towards the skin, mm."""
-
-    width: PositiveFloat
-    edge_radius: PositiveFloat
-
-
-class Inputs(_Content):
-    """What the test was made with; laws are those of the Separate set (MPa)."""
-
-    specimen: str
-    size: str
-    stroke_mm: float
-    plate: Plate
-    laws: dict[str, dict[str, Any]]
-
-
-class Checks(_Content):
-    """Negative modes at each point of a curve: 0 at a stable equilibrium."""
-
-    negative_modes: list[int]
-
-
-class CalibrationRecord(_Content):
-    """What calibration.json holds of use here."""
-
-    program: Literal["calfsocket calibrate"]
-    inputs: Inputs
-    fits: list[FittedLaw] = Field(min_length=1)
-    table1: CombinedLaw
-    curves: dict[str, Checks]
 
 
 class Calibration:
@@ -131,23 +63,19 @@ class Calibration:
         InputError
             When a file is missing or cannot be used.
         """
-        found = read_json(folder / RESULT_FILE, CalibrationRecord)
-        self.inputs, self.fit, self.table1 = found.inputs, found.fits[0], found.table1
+        record = CalibrationRecord.read(folder)
+        self.inputs, self.fit, self.table1 = record.inputs, record.fits[0], record.table1
         self.unstable = tuple(
-            name for name, curve in found.curves.items() if any(curve.negative_modes)
+            name for name, curve in record.curves.items() if any(curve.negative_modes)
         )
-        curves = _read_curves(folder / CURVES_FILE)
-        self.displacement = curves.displacement_mm.to_numpy()
-        self.force = {name: curves[f"{name}_N_per_m"].to_numpy() for name in LABELS}
+        self.displacement, self.force = read_curves(folder)
         files = (folder / f"{FIGURE}.png", folder / f"{FIGURE}.pdf")
         self.figure = Drawn(NAME, TITLE, CAPTION, NUMBER, *files)
         _check_figure(self.figure)
 
     def deviation_pct(self, name: str) -> float:
         """Root mean square difference of a curve to Separate's, % of its largest force."""
-        reference = self.force[SEPARATE]
-        difference = self.force[name] - reference
-        return float(100 * np.sqrt(np.mean(difference**2)) / np.abs(reference).max())
+        return 100 * deviation(self.force, name)
 
 
 def read_calibration(study: Path) -> Calibration:
@@ -167,21 +95,6 @@ def read_calibration(study: Path) -> Calibration:
             f"calibrate --out FOLDER/{FOLDER}`, FOLDER being this study's, and report again"
         )
     return Calibration(folder)
-
-
-def _read_curves(path: Path) -> pd.DataFrame:
-    try:
-        curves = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); calibrate again") from None
-    columns = ["displacement_mm", *(f"{name}_N_per_m" for name in LABELS)]
-    for column in columns:
-        if column not in curves:
-            raise InputError(f"{path}: has no column '{column}'; calibrate again")
-        numeric = pd.api.types.is_numeric_dtype(curves[column])
-        if curves.empty or not numeric or not (curves[column] > 0).all():
-            raise InputError(f"{path}: column '{column}' holds other than numbers above 0")
-    return curves[columns]
 
 
 def _check_figure(figure: Drawn) -> None:
@@ -207,10 +120,11 @@ def table(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> Table:
     inputs, fit = calibration.inputs, calibration.fit
     muscle = inputs.laws.get("muscle", {})
     sd = fit.deviation_pct
+    law = set(CombinedLaw.model_fields)
     rows: list[dict[str, Any]] = [
         {"curve": SEPARATE},
-        {"curve": FITTED, "mu_sd_pct": sd[0], "alpha_sd_pct": sd[1], **_law(fit)},
-        {"curve": TABLE1, **_law(calibration.table1)},
+        {"curve": FITTED, "mu_sd_pct": sd[0], "alpha_sd_pct": sd[1], **fit.model_dump(include=law)},
+        {"curve": TABLE1, **calibration.table1.model_dump()},
         {"curve": IGNORED},
     ]
     if muscle.get("law") == "ogden" and len(muscle["mu"]) == 1:
@@ -247,18 +161,14 @@ def table(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> Table:
     )
 
 
-def _law(law: CombinedLaw) -> dict[str, float]:
-    return {"mu_kPa": law.mu_kPa, "alpha": law.alpha, "d1_per_MPa": law.d1_per_MPa}
-
-
 def _with_deviation(values: pd.Series, deviations: pd.Series) -> list[str]:
     texts = []
-    for value, deviation in zip(values, deviations, strict=True):
+    for value, sd in zip(values, deviations, strict=True):
         text = number(value)
-        if deviation >= 100:
+        if sd >= 100:
             text += " (not determined)"
-        elif np.isfinite(deviation):
-            text += f"{TOGETHER}±{TOGETHER}{deviation:.2g}{TOGETHER}%"
+        elif np.isfinite(sd):
+            text += f"{TOGETHER}±{TOGETHER}{sd:.2g}{TOGETHER}%"
         texts.append(text)
     return texts
 

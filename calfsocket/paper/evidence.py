@@ -9,9 +9,8 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.data import Limb, Sockets
-from calfsocket.meshes.loops import limb_curves
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.paper import comparison
 from calfsocket.paper.calibration import Calibration, read_calibration
 from calfsocket.report import inputs
@@ -19,6 +18,7 @@ from calfsocket.report.changes import SETS, complete_sockets
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.findings import Findings
 from calfsocket.report.names import material_set
+from calfsocket.simulation.record import StudyRecord
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
 
@@ -75,14 +75,20 @@ class Evidence:
     @cached_property
     def limb(self) -> Limb:
         """The limb as meshed."""
-        return Limb.model_validate(self.results.run.limb)
+        return self.run.limb
+
+    @property
+    def run(self) -> StudyRecord:
+        """The study's inputs; refuse the check where results were saved without a study."""
+        if self.results.run is None:
+            raise NotChecked("needs the run.json of a study")
+        return self.results.run
 
     @cached_property
-    def sockets(self) -> Sockets:
-        """The paper's sockets as meshed, all of the file."""
-        every = Sockets.model_validate(self.results.run.sockets)
-        own = {name: shape for name, shape in every.sockets.items() if name in SOCKETS}
-        return every.model_copy(update={"sockets": own})
+    def sockets(self) -> dict[str, AnySocket]:
+        """The paper's sockets as meshed."""
+        every = reference_sockets() | self.run.sockets
+        return {name: every[name] for name in SOCKETS}
 
     @cached_property
     def skin(self) -> ClosedCurve:
@@ -93,8 +99,7 @@ class Evidence:
     def inner_faces(self) -> dict[str, ClosedCurve]:
         """Undeformed inner face of each socket."""
         return {
-            name: socket_faces(self.sockets.socket(name), self.skin)[0]
-            for name in self.sockets.sockets
+            name: socket.faces(self.skin)[0] for name, socket in self.sockets.items()
         }
 
     @cached_property

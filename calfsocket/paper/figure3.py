@@ -35,9 +35,6 @@ ARROW, MARGIN = 0.14, 0.02
 SCALE_BAR_ROOM = 6.0
 """Below the model, mm of the section."""
 
-NEWTON_PER_M = 1000.0
-"""N per metre of limb in N per mm of it."""
-
 
 def draw(calibration: Calibration, folder: Path) -> tuple[Path, Path]:
     """Write figure3.png and figure3.pdf; return their paths."""
@@ -130,25 +127,23 @@ def _draw_curves(axes: Axes, calibration: Calibration) -> None:
     def parameters(law: Ogden) -> str:
         return f"{law.mu[0] / KPA:.3g} kPa, {law.alpha[0]:.3g}"
 
+    way, force = calibration.displacement, calibration.force_per_metre
+
     for name, label, style, colour in (
         (SEPARATE, "Separate", "-", "black"),
         (FITTED, f"Combined, fitted: {parameters(calibration.law)}", "-.", "#b2182b"),
         (TABLE1, f"Combined, Table 1: {parameters(MUSCLE_AND_FASCIA)}", "--", "#e08214"),
         (IGNORED, "fascia ignored (muscle)", ":", "#2166ac"),
     ):
-        curve = calibration.curves[name]
         axes.plot(
-            np.append(0.0, curve.displacement),
-            NEWTON_PER_M * np.append(0.0, curve.force),
+            np.append(0.0, way),
+            np.append(0.0, force[name]),
             style,
             color=colour,
             label=label,
             linewidth=1.5,
         )
-    reference = calibration.curves[SEPARATE]
-    axes.plot(
-        reference.displacement, NEWTON_PER_M * reference.force, "ko", markersize=3, clip_on=False
-    )
+    axes.plot(way, force[SEPARATE], "ko", markersize=3, clip_on=False)
     axes.set(
         xlabel="displacement of the plate u, mm",
         ylabel="reaction force, N per metre of limb",

@@ -1,6 +1,5 @@
 """What a study was solved with, as its run.json has it, in the words that a report needs."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from calfsocket.simulation.results import Results
@@ -14,9 +13,9 @@ def settings(results: Results) -> dict[str, Any]:
 
     What is changed in all of the cases is as they have it.
     """
-    found = _flat(results.run.inputs.get("settings", {}))
-    if "fric_coeff" in found:
-        found["friction"] = found.pop("fric_coeff")
+    if results.run is None:
+        return {}
+    found = {key: value for table in results.run.settings.values() for key, value in table.items()}
     changes = [record.changes for record in results.records.values()]
     if all(each == changes[0] for each in changes):
         found |= {key.split(".")[-1]: value for key, value in changes[0].items()}
@@ -25,18 +24,18 @@ def settings(results: Results) -> dict[str, Any]:
 
 def laws(results: Results) -> Laws:
     """Return the laws of every material set of the study, of variants by the base's names."""
-    known = results.run.laws
+    if results.run is None:
+        return {}
+    known = {
+        name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
+        for name, laws in results.run.laws.items()
+    }
     own = {key[1]: record.material_set for key, record in results.records.items()}
     return known | {name: known[real] for name, real in own.items() if real in known}
 
 
 def title(results: Results) -> str:
     """Title of the study file; empty without one."""
-    return results.run.study.get("content", {}).get("study", {}).get("title") or ""
+    content = results.run.study.content if results.run else {}
+    return content.get("study", {}).get("title") or ""
 
-
-def _flat(tables: Mapping[str, Any]) -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in tables.items():
-        flat |= _flat(value) if isinstance(value, dict) else {key: value}
-    return flat

@@ -6,6 +6,7 @@ import pandas as pd
 
 from calfsocket.report import inputs, names
 from calfsocket.report.table import Table, number
+from calfsocket.simulation.record import StudyRecord
 from calfsocket.simulation.results import Results
 
 MOST_NAMED = 4
@@ -25,7 +26,7 @@ SETTINGS = {
     "growth": "growth of steps",
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
-    "predict": "predictor",
+    "extrapolate": "predictor",
 }
 """Words for settings; one that is not here keeps its name."""
 
@@ -35,8 +36,8 @@ def tables(results: Results) -> list[Table]:
     made = [_cases(results)]
     if found := inputs.settings(results):
         made.append(_settings(found))
-    if results.run.versions:
-        made.append(_versions(results))
+    if results.run:
+        made.append(_versions(results.run))
     return made
 
 
@@ -133,8 +134,8 @@ def _settings(found: dict[str, Any]) -> Table:
     )
 
 
-def _versions(results: Results) -> Table:
-    versions = {**results.run.versions, "ranks": str(results.run.ranks)}
+def _versions(run: StudyRecord) -> Table:
+    versions = {**run.versions, "ranks": str(run.ranks)}
     data = pd.DataFrame({"program": list(versions), "version": list(versions.values())})
     caption = "Programs that the runs were made with."
     return Table("versions", "Versions", caption, data, data.set_index("program"))

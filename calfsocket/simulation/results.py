@@ -6,47 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from pydantic import BaseModel, ConfigDict
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
-from calfsocket.simulation.record import CaseRecord
+from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STEPS_FILE, Result
 
-RUN_FILE = "run.json"
 SUMMARY_FILE = "summary.csv"
 KEY = ("socket", "material_set")
 """Columns that name the case in every table that cases share."""
 
 Key = tuple[str, str]
 """Socket and material set."""
-
-
-class RunContent(BaseModel):
-    """What the results of a study need of its run.json; the rest is for the study itself.
-
-    Attributes
-    ----------
-    cases : mapping of str to CaseRecord
-        By name of the case's folder.
-    inputs, laws, limb, sockets, study : mapping
-        What was solved; laws by material set and tissue.
-    versions : mapping of str to str
-        Of the programs used.
-    ranks : int
-        MPI ranks of the run.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-    cases: dict[str, CaseRecord]
-    inputs: dict[str, Any] = {}
-    laws: dict[str, dict[str, dict[str, Any]]] = {}
-    limb: dict[str, Any] = {}
-    sockets: dict[str, Any] = {}
-    study: dict[str, Any] = {}
-    versions: dict[str, str] = {}
-    ranks: int = 1
 
 
 class _Files:
@@ -71,8 +42,8 @@ class Results(Mapping[Key, Result]):
     ----------
     folder : Path
         Folder of the study.
-    run : RunContent
-        Inputs and versions.
+    run : StudyRecord, optional
+        Inputs and versions of the study; None where single results were saved into the folder.
     records : mapping
         (socket, material set) -> record of every case, in order.
     read : callable
@@ -82,7 +53,7 @@ class Results(Mapping[Key, Result]):
     def __init__(
         self,
         folder: Path,
-        run: RunContent,
+        run: StudyRecord | None,
         records: Mapping[Key, CaseRecord],
         read: Callable[[CaseRecord], Result],
     ) -> None:
@@ -216,18 +187,14 @@ def load_results(folder: Path | str) -> Results:
         load.
     """
     folder = Path(folder)
+    run = None
     if (folder / RUN_FILE).is_file():
-        run = read_json(folder / RUN_FILE, RunContent)
-        order = dict.fromkeys([*run.inputs.get("cases", {}), *run.cases])
-        found = {
-            record.key: (folder / record.name, record)
-            for record in (run.cases[name] for name in order if name in run.cases)
-        }
+        run = read_run(folder / RUN_FILE)
+        found = {record.key: (folder / record.name, record) for record in run.cases.values()}
     else:
         paths = sorted(folder.glob(f"*/{RESULT_FILE}"))
         read = [(path.parent, read_json(path, CaseRecord)) for path in paths]
         found = {record.key: (place, record) for place, record in read}
-        run = RunContent(cases={record.name: record for _, record in read})
     if not found:
         raise InputError(f"{folder}: holds neither a {RUN_FILE} nor a case's {RESULT_FILE}")
     records = {key: record for key, (_, record) in found.items()}

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
+from calfsocket.materials.material_set import BASE_SETS, BaseSet
 from calfsocket.simulation.case import Settings
 from calfsocket.verification.limb_runs import solved_study, summary
 
-VARIANTS: dict[str, tuple[dict[str, str], tuple[MaterialSet, ...]]] = {
-    "as-printed": ({"ogden_form": "as-printed"}, MATERIAL_SETS),
+VARIANTS: dict[str, tuple[dict[str, str], tuple[BaseSet, ...]]] = {
+    "as-printed": ({"ogden_form": "as-printed"}, BASE_SETS),
     "tables": ({"fascia_c10": "tables"}, ("separate",)),
 }
 """Settings that differ from the study's, and the material sets that they change."""

@@ -45,7 +45,7 @@ def materials_and_sockets(e: Evidence, of: str) -> Fact:
         len({repr(e.laws[name][tissue]) for tissue in LIMB_TISSUES})
         for name in ("separate", "combined")
     ]
-    n = len(e.sockets.sockets)
+    n = len(e.sockets)
     text = f"{counts[0]} materials Separate, {counts[1]} Combined; {n} sockets"
     return Fact(f"{counts[0]} {counts[1]} {n}", text)
 
@@ -185,8 +185,8 @@ def regions_and_tissues(e: Evidence, of: str) -> Fact:
 @fact
 def sockets(e: Evidence, of: str) -> Fact:
     """Return the sockets, of different shapes."""
-    shapes = {repr(socket) for socket in e.sockets.sockets.values()}
-    text = ", ".join(e.sockets.sockets)
+    shapes = {repr(socket) for socket in e.sockets.values()}
+    text = ", ".join(e.sockets)
     same = "" if len(shapes) == len(SOCKETS) else ", not all different"
     return Fact(text + same, f"{text}; outlines of our own")
 
@@ -202,8 +202,10 @@ def area_lost(e: Evidence, of: str) -> Fact:
 
 @fact
 def wall(e: Evidence, of: str) -> Fact:
-    """Return thickness of the sockets' walls, mm."""
-    return Fact(e.sockets.wall_thickness, f"{e.sockets.wall_thickness:g} mm")
+    """Return thickness of the sockets' walls, mm; the one that differs most from the mean."""
+    walls = [socket.wall_thickness for socket in e.sockets.values()]
+    worst = max(walls, key=lambda wall: abs(wall - sum(walls) / len(walls)))
+    return Fact(worst, ", ".join(f"{wall:g} mm" for wall in dict.fromkeys(walls)))
 
 
 @fact
@@ -411,7 +413,7 @@ def implicit_plane_strain(e: Evidence, of: str) -> Fact:
     """Return whether the solution is implicit, with a stress across the plane."""
     iterations = int(e.results.steps.newton_iterations.sum())
     sigma33 = np.abs(e.any_case().fields.stress[..., 2]).max()
-    version = e.results.run.versions.get("fenics-dolfinx", "")
+    version = e.run.versions.get("fenics-dolfinx", "")
     text = f"plane strain, implicit: {iterations} Newton iterations; dolfinx {version}"
     return Fact(iterations > 0 and sigma33 > 0, text)
 

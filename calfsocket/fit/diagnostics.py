@@ -13,7 +13,7 @@ CONDITION_LIMIT = 1e6
 twelve of their sixteen digits are lost."""
 
 
-def doubts(fit: Fit, stable: list[StableRange]) -> list[str]:
+def diagnostics(fit: Fit, stable: list[StableRange]) -> list[str]:
     """Return sentences about what the data do not determine and where the law is not stable."""
     return [
         *_searches(fit),

@@ -1,46 +1,28 @@
-"""The limb and the sockets as data: calf.json and sockets.json, read and checked."""
+"""A limb as data: closed curves and the regions between them, read and checked."""
 
-import math
 from collections.abc import Iterator
-from itertools import pairwise
+from functools import cache
+from itertools import combinations, pairwise, permutations
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    Field,
-    PositiveFloat,
-    PositiveInt,
-    field_validator,
-    model_validator,
-)
+import numpy as np
+import shapely
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from scipy.interpolate import PchipInterpolator
+from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, nearest, read_json
-from calfsocket.meshes import tags
+from calfsocket.meshes import curves, tags
+from calfsocket.meshes.curves import ClosedCurve, Point, Points, Thickness, at, polar_angle
 
-#: A length, mm, with a sign. No section of a limb is wider; sampling one of 10 km would not end.
-Length = Annotated[float, Field(ge=-1000, le=1000)]
-Thickness = Annotated[float, Field(gt=0, le=1000)]
-#: How far a socket's face may lie from the skin, mm.
-Offset = Annotated[float, Field(ge=-100, le=100)]
-Point = tuple[Length, Length]
-Angle = float
-#: Points of a curve that are closer together than this, mm, are one.
-SAME_POINT = 1e-3
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
-
-
-def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
-    for point, following in pairwise((*value, value[0])):
-        if math.dist(point, following) <= SAME_POINT:
-            raise ValueError(f"point {list(point)} follows itself; do not repeat points")
-    return value
-
-
-#: Points of a closed curve, the first not repeated.
-Points = Annotated[tuple[Point, ...], Field(min_length=4), AfterValidator(_neighbours_differ)]
+#: Curves closer than this, mm, are taken for touching: no element would fit between them.
+MIN_GAP = 0.1
+#: Distance of the points at which curves are compared, mm.
+SAMPLE_STEP = 0.1
 
 
 class SplineCurve(Strict):
@@ -49,6 +31,10 @@ class SplineCurve(Strict):
     type: Literal["spline"]
     points: Points
 
+    def closed_curve(self) -> ClosedCurve:
+        """Return the curve."""
+        return curves.through(self.points)
+
 
 class EllipseCurve(Strict):
     """Ellipse: centre and semi-axes in mm, angle of the first semi-axis from +x in degrees."""
@@ -56,7 +42,11 @@ class EllipseCurve(Strict):
     type: Literal["ellipse"]
     center: Point
     semi_axes: tuple[Thickness, Thickness]
-    angle_deg: Angle
+    angle_deg: float
+
+    def closed_curve(self) -> ClosedCurve:
+        """Return the curve."""
+        return curves.ellipse(self.center, self.semi_axes, self.angle_deg)
 
 
 class OffsetCurve(Strict):
@@ -74,7 +64,7 @@ class Layers(Strict):
     """Thickness of skin, mm, and of fat, (polar angle in degrees, mm) at several angles."""
 
     skin_thickness: Thickness
-    fat_thickness: Annotated[tuple[tuple[Angle, Thickness], ...], Field(min_length=2)]
+    fat_thickness: Annotated[tuple[tuple[float, Thickness], ...], Field(min_length=2)]
 
     @field_validator("fat_thickness")
     @classmethod
@@ -85,6 +75,17 @@ class Layers(Strict):
         if any(b <= a for a, b in pairwise(angles)):
             raise ValueError("angles must increase from pair to pair")
         return value
+
+    def inward(self, law: str) -> curves.Distance:
+        """Return how far outward (so negative) the curve under the named layers lies."""
+        if law == "skin":
+            return lambda points: np.full(len(points), -self.skin_thickness)
+        angles, thickness = np.array(self.fat_thickness).T
+        # Two turns more than one make the interpolation, which is local, periodic.
+        fat = PchipInterpolator(
+            np.concatenate([angles - 360, angles, angles + 360]), np.tile(thickness, 3)
+        )
+        return lambda points: -(self.skin_thickness + fat(polar_angle(points)))
 
 
 class Region(Strict):
@@ -130,10 +131,29 @@ class Limb(Strict):
         """Drop a remark in brackets behind the curve's name."""
         return value.split(" (")[0]
 
+    @staticmethod
+    @cache
+    def reference() -> "Limb":
+        """Return the calf of the package (a right leg, seen from above)."""
+        return Limb.read(Path(__file__).with_name("calf.json"))
+
+    @classmethod
+    def read(cls, path: Path | str) -> Self:
+        """Read a limb from a JSON file such as ``meshes/calf.json``.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be read, a key is wrong, or curves touch, cross or are not nested
+            as the regions say.
+        """
+        return read_json(Path(path), cls)
+
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
         for problem in self._problems():
             raise ValueError(problem)
+        _check_nesting(self)
         return self
 
     def _problems(self) -> Iterator[str]:
@@ -200,103 +220,65 @@ class Limb(Strict):
         )
 
     @property
+    def tissues(self) -> dict[str, str]:
+        """Region name -> tissue."""
+        return {region.name: region.tissue for region in self.regions}
+
+    @property
     def region_tags(self) -> dict[str, int]:
         """Region name -> tag of its cells, without the socket."""
         return {region.name: region.id for region in self.regions}
 
 
-class Bump(Strict):
-    """A Gaussian of the polar angle: centre and width (standard deviation) in degrees, mm."""
+def limb_curves(limb: Limb) -> dict[str, ClosedCurve]:
+    """Return the curves that bound regions, by name; unused ones of the file are left out."""
+    used = {name for region in limb.regions for name in region.loops}
 
-    site: str = ""
-    center: Angle
-    width: PositiveFloat
-    amplitude: Offset
+    def make(name: str) -> ClosedCurve:
+        curve = limb.curves[name]
+        if isinstance(curve, OffsetCurve):
+            return curves.offset(make(curve.of), limb.layers.inward(curve.law))
+        return curve.closed_curve()
 
-
-class _Shape(Strict):
-    title: str
-    wall_thickness: Thickness | None = None
-
-
-class NormalOffset(_Shape):
-    """Inner face: the skin moved inward along its normal by base + bumps, mm.
-
-    A wall thickness is the socket's own, in the place of that of the file, mm.
-    """
-
-    law: Literal["normal_offset"]
-    base: Offset
-    bumps: tuple[Bump, ...] = ()
+    return {name: make(name) for name in limb.curves if name in used}
 
 
-class CircleBlend(_Shape):
-    """Inner face: the skin blended with a circle, of an area reduced by this part, minus bumps."""
-
-    law: Literal["circle_blend"]
-    area_reduction: Annotated[float, Field(gt=-1, lt=1)]
-    roundness: Annotated[float, Field(ge=0, le=1)]
-    bumps: tuple[Bump, ...] = ()
-
-
-class Outline(_Shape):
-    """Inner face: a closed spline through points, moved: turned about the origin, then shifted."""
-
-    law: Literal["outline"]
-    points: Points
-    shift: Point = (0.0, 0.0)
-    rotation: Angle = 0.0
-
-
-Shape = Annotated[NormalOffset | CircleBlend | Outline, Field(discriminator="law")]
-
-
-class Socket(Strict):
-    """One socket: its name, the law of its inner face, and its wall, mm."""
-
-    name: str
-    shape: Shape
-    wall_thickness: Thickness
-
-
-class Sockets(Strict):
-    """All sockets of a file."""
-
-    units: Units
-    applies_to: str = ""
-    wall_thickness: Thickness
-    wall_rule: str = ""
-    laws: dict[str, str] = Field(default_factory=dict)
-    sockets: Annotated[dict[str, Shape], Field(min_length=1)]
-
-    def socket(self, name: str) -> Socket:
-        """Return the socket of this name."""
-        if name not in self.sockets:
-            raise InputError(f"sockets: no socket '{name}'; {nearest(name, self.sockets)}")
-        shape = self.sockets[name]
-        return Socket(
-            name=name, shape=shape, wall_thickness=shape.wall_thickness or self.wall_thickness
+def _check_nesting(limb: Limb) -> None:
+    """Raise an InputError unless curves are simple, disjoint and nested as the regions say."""
+    loops = limb_curves(limb)
+    for name, curve in loops.items():
+        if curve.area <= 0:
+            raise InputError(f"curves.{name}: runs clockwise; reverse its points")
+        crossing = curves.crossing_of(curve)
+        if crossing is not None:
+            raise InputError(
+                f"curves.{name}: crosses itself at {at(crossing)}; move its points apart"
+            )
+    samples = {name: curve.evaluate(curve.sample(SAMPLE_STEP)) for name, curve in loops.items()}
+    bodies = {name: shapely.Polygon(points) for name, points in samples.items()}
+    if not shapely.contains_xy(bodies[limb.contact_boundary], 0.0, 0.0):
+        raise InputError(
+            f"curves.{limb.contact_boundary}: does not go round the origin, about which"
+            " angles are measured; shift all curves so that it does"
         )
+    trees = {name: cKDTree(points) for name, points in samples.items()}
+    for name, other in combinations(samples, 2):
+        gaps = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0]
+        if gaps.min() < MIN_GAP:
+            raise InputError(
+                f"curves.{name}: comes within {gaps.min():.3f} mm of '{other}' at"
+                f" {at(samples[other][np.argmin(gaps)])}; keep curves {MIN_GAP} mm apart"
+            )
 
+    def inside(name: str, other: str) -> bool:
+        # Curves that do not touch lie inside one another wholly or not at all: one point tells.
+        return bool(shapely.contains_xy(bodies[other], *samples[name][0]))
 
-def load_limb(path: Path | str | None = None) -> Limb:
-    """Read a limb, by default the calf of the package; check its curves as well.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read, a key is wrong, or curves touch, cross or are not nested as
-        the regions say.
-    """
-    from calfsocket.meshes.loops import check_loops
-
-    path = Path(path) if path is not None else Path(__file__).with_name("calf.json")
-    limb = read_json(path, Limb)
-    check_loops(limb, path)
-    return limb
-
-
-def load_sockets(path: Path | str | None = None) -> Sockets:
-    """Read the sockets, by default those of the package."""
-    path = Path(path) if path is not None else Path(__file__).with_name("sockets.json")
-    return read_json(path, Sockets)
+    for region in limb.regions:
+        place = f"regions.{region.name}"
+        for hole in region.holes:
+            if not inside(hole, region.outer):
+                raise InputError(f"{place}: hole '{hole}' is not inside '{region.outer}'")
+        for hole, other in permutations(region.holes, 2):
+            if inside(hole, other):
+                raise InputError(f"{place}: hole '{hole}' lies inside hole '{other}'")

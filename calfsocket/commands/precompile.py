@@ -1,4 +1,4 @@
-"""The command ``warm``: forms compiled ahead of the first run."""
+"""The command ``precompile``: forms compiled ahead of the first run."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ from calfsocket.commands import OK
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-HELP = "compile all forms now rather than at the first run"
+HELP = "compile all forms now rather than in the first run"
 DESCRIPTION = "Compile all forms now rather than in the first run."
 EPILOG = ""
 
@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Compile."""
-    from calfsocket.simulation import precompile as compilation
+    from calfsocket.simulation.precompile import precompile
 
-    compilation.warm(comm)
+    precompile(comm)
     return OK

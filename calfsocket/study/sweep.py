@@ -1,17 +1,20 @@
-"""Parameters of a study file by their dotted names: to change them, and to tell cases apart."""
+"""Sweeps: cases of a study file with some parameters changed, and labels for their names."""
 
 import copy
 import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from pydantic import model_validator
+
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import nearest
-from calfsocket.study.document import SweepTable
+from calfsocket.io.schema import Strict, nearest
+from calfsocket.study.names import Name
 
 Changes = Mapping[str, Any]
-"""Dotted name -> value as the file has it."""
+"""Dotted name of a parameter -> value as the file has it."""
 
 MAY_CHANGE = ("model", "steps", "sockets", "materials", "laws")
 LONGEST_LABEL = 80
@@ -19,8 +22,48 @@ LONGEST_WORD = 24
 MOST_POINTS = 1000
 
 
+class Sweep(Strict):
+    """Parameters with their values, in one of three ways.
+
+    Attributes
+    ----------
+    grid : mapping, optional
+        Lists of values by parameter: all combinations.
+    list : mapping, optional
+        Lists of values by parameter, all of one length: one after the other.
+    variants : mapping, optional
+        Name of a variant -> parameters with one value each; the study without changes comes first.
+    """
+
+    grid: dict[str, Any] | None = None
+    list: dict[str, Any] | None = None
+    variants: dict[Name, dict[str, Any]] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "Sweep":
+        if sum(way is not None for way in (self.grid, self.list, self.variants)) != 1:
+            raise ValueError("give one of grid, list and variants")
+        return self
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point of a sweep.
+
+    Attributes
+    ----------
+    changes : mapping
+        What differs from the file.
+    label : str, optional
+        Its name, where it has one; otherwise its values are its name.
+    """
+
+    changes: Changes
+    label: str | None = None
+
+
 def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Give dotted names: TOML makes tables in tables of names that are not quoted."""
+    """Return values by dotted name: in TOML, names that are not quoted make tables in tables."""
     found: dict[str, Any] = {}
     for key, value in tables.items():
         if isinstance(value, Mapping) and value:
@@ -30,16 +73,20 @@ def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def points(sweep: SweepTable | None) -> list[Changes]:
-    """Give the points of a sweep in the order of its values, the last parameter the quickest.
+def points(sweep: Sweep | None) -> list[Point]:
+    """Return the points of a sweep in the order of its values, the last parameter changing fastest.
 
     Raises
     ------
     InputError
-        When a parameter has no list of values, or lists of one length are needed and are not.
+        If a parameter has no list of values, or lists that must have one length do not.
     """
     if sweep is None:
-        return [{}]
+        return [Point({})]
+    if sweep.variants is not None:
+        return [Point({}, "")] + [
+            Point(flat(changes), name) for name, changes in sweep.variants.items()
+        ]
     way, tables = ("grid", sweep.grid) if sweep.grid is not None else ("list", sweep.list)
     values = flat(tables or {})
     if not values:
@@ -50,23 +97,28 @@ def points(sweep: SweepTable | None) -> list[Changes]:
                 f"sweep.{way}.{name}: is {several!r}; give a list of values, e.g. [0.2, 0.4]"
             )
         if len({repr(value) for value in several}) < len(several):
-            raise InputError(f"sweep.{way}.{name}: a value stands there twice; give each once")
+            raise InputError(f"sweep.{way}.{name}: lists a value twice; give each once")
     lengths = {name: len(several) for name, several in values.items()}
     if way == "list" and len(set(lengths.values())) > 1:
-        told = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        raise InputError(f"sweep.list: {told} values; give lists of one length, or use sweep.grid")
+        counts = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        raise InputError(f"sweep.list: {counts} values; give lists of one length or a grid")
     number = 1
     for length in lengths.values() if way == "grid" else [0]:
         number *= length
     if number > MOST_POINTS or max(lengths.values()) > MOST_POINTS:
-        raise InputError(f"sweep.{way}: more than {MOST_POINTS} points; sweep in parts")
+        raise InputError(f"sweep.{way}: has more than {MOST_POINTS} points; sweep in parts")
     together = zip(*values.values(), strict=True) if way == "list" else None
     rows = together or itertools.product(*values.values())
-    return [dict(zip(values, row, strict=True)) for row in rows]
+    return [Point(dict(zip(values, row, strict=True))) for row in rows]
+
+
+def parameters(points: Sequence[Point]) -> tuple[str, ...]:
+    """Return the dotted names of all that a sweep changes."""
+    return tuple(dict.fromkeys(name for point in points for name in point.changes))
 
 
 def reaching(changes: Changes, socket: str, materials: str) -> dict[str, Any]:
-    """Leave out what changes other sockets or sets than those of a case."""
+    """Return the changes without those of other sockets or material sets than a case has."""
     own = {"sockets": socket, "materials": materials}
     found = {}
     for name, value in changes.items():
@@ -77,12 +129,12 @@ def reaching(changes: Changes, socket: str, materials: str) -> dict[str, Any]:
 
 
 def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
-    """Return the content of a study file with some of its parameters changed.
+    """Return the content of a study file with some parameters changed.
 
     Raises
     ------
     InputError
-        When a name leads nowhere.
+        If there is no parameter of a name.
     """
     changed: dict[str, Any] = copy.deepcopy(dict(content))
     for name, value in changes.items():
@@ -102,7 +154,7 @@ def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
         elif isinstance(place, dict):
             place[last] = copy.deepcopy(value)
         else:
-            raise InputError(f"{name}: leads through a value; name a parameter")
+            raise InputError(f"{name}: goes through a value; name a parameter")
     return changed
 
 
@@ -110,40 +162,41 @@ def _step(name: str, place: Any, part: str) -> Any:
     if isinstance(place, list):
         return place[_index(name, place, part)]
     if not isinstance(place, dict):
-        raise InputError(f"{name}: leads through a value; name a parameter")
+        raise InputError(f"{name}: goes through a value; name a parameter")
     return place.setdefault(part, {})
 
 
 def _index(name: str, place: Sequence[Any], part: str) -> int:
     if not part.isdecimal() or int(part) >= len(place):
-        raise InputError(f"{name}: '{part}' is no place in a list of {len(place)}; count from 0")
+        raise InputError(f"{name}: '{part}' is no index of a list of {len(place)}; count from 0")
     return int(part)
 
 
 class Labels:
-    """Words of a folder's name that tell cases with changed parameters apart.
+    """Labels that tell cases with changed parameters apart, made for the names of folders.
 
     Parameters
     ----------
     names : iterable of str
         All parameters that any case or the sweep changes.
-    points : sequence of mapping
-        Of the sweep: values that make no short word are counted in their order.
+    points : sequence of Point
+        Of the sweep: values that make no short word are numbered in their order.
     """
 
-    def __init__(self, names: Iterable[str], points: Sequence[Changes]) -> None:
+    def __init__(self, names: Iterable[str], points: Sequence[Point]) -> None:
         every = sorted(set(names))
         self._short = {name: _short(name, every) for name in every}
         self._words: dict[tuple[str, str], str] = {}
-        for name in points[0]:
-            values = dict.fromkeys(repr(point[name]) for point in points)
-            written = {repr(point[name]): _word(point[name]) for point in points}
+        for name in points[0].changes:
+            swept = [point.changes[name] for point in points]
+            values = dict.fromkeys(map(repr, swept))
+            written = {repr(value): _word(value) for value in swept}
             clear = len(set(written.values())) == len(values) and "" not in written.values()
             for number, value in enumerate(values, 1):
                 self._words[name, value] = written[value] if clear else f"value-{number}"
 
     def of(self, changes: Changes, number: int) -> str:
-        """Tell the changes of a case in one word, or only the number of its point."""
+        """Return the changes of a case as one word; if that is too long, the number of its point."""
         text = ",".join(
             f"{self._short[name]}={self._words.get((name, repr(value)), _word(value))}"
             for name, value in changes.items()
@@ -152,7 +205,7 @@ class Labels:
 
 
 def _short(name: str, every: Sequence[str]) -> str:
-    """Give the last words of a dotted name, as few as tell it from the others."""
+    """Return the last words of a dotted name, as few as distinguish it from the others."""
     words = name.split(".")
     for number in range(1, len(words)):
         tail = words[-number:]
@@ -163,7 +216,7 @@ def _short(name: str, every: Sequence[str]) -> str:
 
 
 def _word(value: Any) -> str:
-    """Write a value with the letters that names of folders may have; empty where it is no word."""
+    """Write a value with letters that a folder's name may have; empty where that is impossible."""
     if isinstance(value, list):
         return "+".join(map(_word, value))
     text = str(value).replace("%", "pct")
