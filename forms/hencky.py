@@ -15,21 +15,24 @@ Hencky 1928; Anand, On H. Hencky's approximate strain-energy function, 1979,
 doi:10.1115/1.3424532.
 """
 
+from collections.abc import Sequence
+
 import ufl
 from ufl.core.expr import Expr
 
 from calfsocket.forms.kinematics import Jet, log_ratio_squared
 
 
-def energy(x: Expr, J: Expr, mu: Expr) -> Jet:
+def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
     """Isochoric energy per reference volume and its derivatives by x, MPa.
 
     Parameters
     ----------
     x, J : Expr
         Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    mu : Expr
-        Shear modulus, MPa.
+    coefficients : sequence of Expr
+        (mu,), the shear modulus, MPa.
     """
+    (mu,) = coefficients
     shear = 0.5 * mu * log_ratio_squared(x)
     return Jet(shear.value + mu * ufl.ln(J) ** 2 / 6.0, shear.first, shear.second)

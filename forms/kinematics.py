@@ -63,6 +63,11 @@ class Jet:
     """Value of a function of one variable and its first two derivatives: UFL or arrays.
 
     Series have them written out: UFL's derivative of Horner's rule takes several times the work.
+
+    Attributes
+    ----------
+    value, first, second : Expr or array
+        f, f' and f''.
     """
 
     value: Any
@@ -80,6 +85,21 @@ class Jet:
     def __rmul__(self, factor: Any) -> "Jet":
         """Multiply by a constant."""
         return Jet(factor * self.value, factor * self.first, factor * self.second)
+
+
+def first_invariant(x: Expr, J: Expr) -> Jet:
+    r"""I1b - 3 of the deviatoric stretches, with its derivatives by x, dimensionless.
+
+    I1b = J^(-2/3) (l1^2 + l2^2 + l3^2), l3 = 1 in plane strain. With s = J^(1/3) and
+    2 J x = (l1 - l2)^2, free of cancellation near F = I,
+
+        I1b - 3 = 2 J x / s^2 + (s - 1)^2 (2 s + 1) / s^2.
+
+    A law psi(I1b - 3) is `Jet(psi, psi', psi'').of(first_invariant(x, J))`.
+    """
+    s = ufl.exp(ufl.ln(J) / 3.0)
+    slope = 2.0 * J / s**2
+    return Jet(slope * x + (s - 1.0) ** 2 * (2.0 * s + 1.0) / s**2, slope, 0.0)
 
 
 def log_ratio_squared(x: Any, sqrt: Any = ufl.sqrt) -> Jet:

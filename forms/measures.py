@@ -4,10 +4,10 @@ import ufl
 from ufl.core.expr import Expr
 
 from calfsocket.forms.kinematics import distortion, stretch_difference_squared
-from calfsocket.forms.mixed import LawFields, isochoric
+from calfsocket.forms.mixed import Material, isochoric
 
 
-def cauchy_stress(law: str, F: Expr, p: Expr, fields: LawFields) -> Expr:
+def cauchy_stress(material: Material, F: Expr, p: Expr) -> Expr:
     r"""Cauchy stress s11, s22, s33, s12 (vector of 4), MPa.
 
     In the plane sigma = P F^T / J, with P of `mixed.first_piola`. Out of it the energy is not
@@ -17,16 +17,14 @@ def cauchy_stress(law: str, F: Expr, p: Expr, fields: LawFields) -> Expr:
 
     Parameters
     ----------
-    law : str
-        "ogden", "yeoh" or "hencky".
+    material : Material
+        The law with its parameters.
     F : Expr
         In-plane deformation gradient (2x2).
     p : Expr
         Pressure, MPa, > 0 in tension (see `mixed.pressure`).
-    fields : LawFields
-        Parameters of the laws.
     """
-    by = isochoric(law, F, fields)
+    by = isochoric(material.law_form, F, material.coefficients)
     q, J = stretch_difference_squared(F), ufl.det(F)
     # One `isochoric` for all components: FFCx compares equal expressions of two for seconds.
     sigma = 2.0 * by.q / J * distortion(F) * F.T + (by.J + p) * ufl.Identity(2)

@@ -5,7 +5,7 @@ r"""Ogden's law, isochoric part.
 lb_k = J^(-1/3) l_k the three deviatoric stretches (plane strain: l3 = 1). This is Abaqus's form;
 the initial shear modulus is mu_0 = sum_i mu_i. The paper's equation (1) has mu_i/alpha_i in front:
 the same energy with every mu_i multiplied by alpha_i/2, which is how
-`calfsocket.materials.laws.Ogden` offers it.
+`calfsocket.materials.ogden.Ogden` offers it.
 
 With s = J^(alpha/6), d = ln(l1/l2) and l1^a + l2^a = 2 J^(a/2) cosh(a d/2), the bracket is
 
@@ -24,26 +24,24 @@ from ufl.core.expr import Expr
 from calfsocket.forms.kinematics import Jet, cosh_minus_one, log_ratio_squared
 
 
-def energy(x: Expr, J: Expr, mu: Sequence[Expr], alpha: Sequence[Expr]) -> Jet:
+def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
     """Isochoric energy per reference volume and its derivatives by x, MPa.
 
     Parameters
     ----------
     x, J : Expr
         Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    mu : sequence of Expr
-        Moduli of the terms in MPa; one of zero switches its term off.
-    alpha : sequence of Expr
-        Exponents, not zero.
+    coefficients : sequence of Expr
+        (mu_1, alpha_1, mu_2, alpha_2, ...): a modulus, MPa, and an exponent, not zero, a term.
     """
     d_squared = log_ratio_squared(x)
     log_J = ufl.ln(J)
     psi, by_x, by_xx = 0.0, 0.0, 0.0
-    for mu_i, alpha_i in zip(mu, alpha, strict=True):
-        s = ufl.exp(alpha_i * log_J / 6.0)
-        inner = 0.25 * alpha_i**2 * d_squared
+    for mu, alpha in zip(coefficients[::2], coefficients[1::2], strict=True):
+        s = ufl.exp(alpha * log_J / 6.0)
+        inner = 0.25 * alpha**2 * d_squared
         distorted = 2.0 * s * cosh_minus_one(inner.value).of(inner)
-        factor = 2.0 * mu_i / alpha_i**2
+        factor = 2.0 * mu / alpha**2
         psi += factor * (distorted.value + (s - 1.0) ** 2 * (2.0 * s + 1.0) / s**2)
         by_x += factor * distorted.first
         by_xx += factor * distorted.second

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
-from calfsocket.meshes.curves import Array
-from calfsocket.meshes.data import Point
+from calfsocket.meshes.curves import Array, Point
 from calfsocket.meshes.drawn import Drawn
 from calfsocket.meshes.outline_csv import read_csv
 from calfsocket.meshes.outline_dxf import read_dxf
@@ -29,7 +28,7 @@ def read_outline(path: Path | str) -> tuple[Point, ...]:
 
     The frame is the limb's: x to the lateral side, y to the front, a right leg seen from above,
     with the origin where the limb's data have it (the calf: the centroid of the skin's outline).
-    What was drawn elsewhere is moved by `shift` and `rotation` of `data.Outline`.
+    What was drawn elsewhere is moved by `shift` and `rotation` of `socket.Outline`.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ import numpy as np
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
-from calfsocket.meshes.data import SAME_POINT
+from calfsocket.meshes.curves import SAME_POINT
 from calfsocket.meshes.drawn import Drawn
 
 #: The outline is open where it closes with a side this many times as long as the longest other.

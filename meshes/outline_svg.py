@@ -16,7 +16,6 @@ import svgelements
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
@@ -59,7 +58,7 @@ def read_svg(path: Path) -> Drawn:
         pieces += [_piece(path, place, segment * matrix, scale, unit) for segment in segments]
     if not pieces:
         raise InputError(f"{path}: the drawing is empty; draw one outline as {', '.join(SHAPES)}")
-    return joined(path, list(_merged(pieces)), unit)
+    return joined(path, pieces, unit)
 
 
 def _unit(path: Path, root: ElementTree.Element) -> float:
@@ -189,21 +188,3 @@ def _at(segment: svgelements.PathSegment, number: int) -> Array:
     with np.errstate(all="ignore"):  # what is not finite is refused
         points = segment.npoint(np.linspace(0.0, 1.0, number))
     return np.asarray(points, dtype=float).reshape(-1, 2)
-
-
-def _merged(pieces: list[Piece]) -> Iterator[Piece]:
-    """Join the straight lines that follow each other in a shape, so that vertices have numbers."""
-    run: list[Piece] = []
-    for piece in [*pieces, None]:
-        if run and (
-            piece is None
-            or piece.curved
-            or piece.place != run[-1].place
-            or np.linalg.norm(piece.points[0] - run[-1].points[-1]) > SAME_POINT
-        ):
-            yield Piece(run[0].place, np.array([run[0].points[0], *(p.points[-1] for p in run)]))
-            run = []
-        if piece is not None and piece.curved:
-            yield piece
-        elif piece is not None:
-            run.append(piece)

@@ -1,4 +1,4 @@
-"""Forms are compiled for as many Ogden terms as the cases' laws have."""
+"""Forms are compiled once a kind of law."""
 
 import fcntl
 
@@ -6,10 +6,9 @@ import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.materials import tissues
-from calfsocket.materials.laws import Ogden, ogden_terms
-from calfsocket.mechanics.problem import Model
+from calfsocket.materials.laws import Ogden
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.mechanics.kernels import library
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.simulation import precompile as compilation
@@ -17,15 +16,41 @@ from calfsocket.simulation import precompile as compilation
 LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 29.0), ("fascia", 29.0, 30.0), ("skin", 30, 32.0)]
 
 
-def test_forms_are_compiled_once_for_each_number_of_terms(monkeypatch, tmp_path):
+def use(material_set, friction, h):
+    section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
+    laws = MaterialSet.paper(material_set, "tables" if h > 4 else "printed").tissue_laws()
+    regions = {name: laws[name] for name in section.regions}
+    model = limb_problem(section, regions, Contact(friction=friction))
+    model.create_matrix()
+    section_fields(model, {name: name for name in section.regions})
+    contact_line(model)
+
+
+def test_each_kind_of_law_is_compiled_once(monkeypatch, tmp_path):
     compiled = []
     monkeypatch.setattr(compilation, "_use_all_forms", compiled.append)
     monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", {})
-    two = Ogden((1.0, 2.0), (3.0, -4.0), d1=0.0)
-    laws = [[tissues.FASCIA], [tissues.SKIN, two], [tissues.SKIN, tissues.BONE]]
-    compilation.warm(MPI.COMM_SELF, map(ogden_terms, laws))
-    assert compiled == [1, 2]
+    two = Ogden(mu=(1.0, 2.0), alpha=(3.0, -4.0), d1=0.0)
+    paper = MaterialSet.paper("separate")
+    compilation.warm(MPI.COMM_SELF, [paper, paper.replace(skin=two), paper])
+    # Once a kind of law at the skin's surface, each with all kinds within.
+    assert [law.name for law, *_ in compiled] == ["ogden", "ogden"]
+    assert [len(law.mu) for law, *_ in compiled] == [1, 2]
+    for _, *within in compiled:
+        kinds = sorted((law.name, len(law.coefficients())) for law in within)
+        assert kinds == [("hencky", 1), ("ogden", 2), ("ogden", 4), ("yeoh", 3)]
+
+
+def test_precompiled_forms_are_those_of_a_case(monkeypatch):
+    compilation._use_all_forms(*compilation._problems([MaterialSet.paper("separate")]))
+    compiled = []
+    monkeypatch.setattr(
+        ffcx.codegeneration.jit, "_compile_objects", lambda *args, **_: compiled.append(args)
+    )
+    monkeypatch.setattr(library, "_compile", lambda *args: compiled.append(args))
+    use("combined", 0.4, 4.0)
+    assert not compiled
 
 
 @pytest.mark.parametrize("another_lives", [True, False])
@@ -53,15 +78,6 @@ def test_another_model_compiles_nothing(monkeypatch):
 
     UFL numbers what it makes through the process; none of that may get into a form's name.
     """
-
-    def use(material_set, friction, h):
-        section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
-        laws = tissues.material_set(material_set, fascia_c10="tables" if h > 4 else "printed")
-        regions = {name: laws[name] for name in section.regions}
-        model = Model(section, regions, ContactParameters(fric_coeff=friction))
-        model.create_matrix()
-        section_fields(model, {name: name for name in section.regions})
-        contact_line(model)
 
     use("separate", 0.4, 4.0)
     compiled = []

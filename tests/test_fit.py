@@ -9,7 +9,7 @@ from scipy.optimize import approx_fprime, brentq
 
 from calfsocket.fit import problem
 from calfsocket.fit.data import Test
-from calfsocket.fit.doubts import doubts
+from calfsocket.fit.diagnostics import diagnostics
 from calfsocket.fit.families import ALPHA_MAX, START_ALPHAS, family
 from calfsocket.fit.modes import MODES, engineering_stress
 from calfsocket.fit.regression import Fit, fit
@@ -34,7 +34,7 @@ def made_test(law, mode="uniaxial", stretch=(1.0, 1.25), points=26, noise=0.0, r
 
 # By hand at stretch 2 and mu = 3: mu (l - l^-2), mu (l - l^-5), mu (l - l^-3).
 def test_neo_hookean_by_hand():
-    law = neo_hookean(3.0, d1=0.0)
+    law = neo_hookean(mu=3.0, d1=0.0)
     by_hand = {"uniaxial": 5.25, "equibiaxial": 5.90625, "planar": 5.625}
     for mode in MODES:
         assert engineering_stress(law, mode, [1.0, 2.0]) == pytest.approx([0.0, by_hand[mode]])
@@ -45,12 +45,14 @@ def test_neo_hookean_by_hand():
 def test_yeoh_by_hand():
     for mode, i, n in (("uniaxial", 2.0, 2), ("equibiaxial", 5.0625, 5), ("planar", 2.25, 3)):
         expected = 2 * (1.0 + 2 * 0.5 * i + 3 * 0.25 * i**2) * (2 - 2.0**-n)
-        assert engineering_stress(Yeoh(1.0, 0.5, 0.25), mode, [2.0]) == pytest.approx([expected])
+        assert engineering_stress(Yeoh(c10=1.0, c20=0.5, c30=0.25), mode, [2.0]) == pytest.approx(
+            [expected]
+        )
 
 
 # Uniaxial, Abaqus's form: P = sum 2 mu/alpha (l^(alpha - 1) - l^(-alpha/2 - 1)).
 def test_ogden_by_hand():
-    law, stretch = Ogden((2.0, 0.5), (4.0, -3.0), d1=0.0), 0.8
+    law, stretch = Ogden(mu=(2.0, 0.5), alpha=(4.0, -3.0), d1=0.0), 0.8
     expected = 2 * 2.0 / 4.0 * (0.8**3 - 0.8**-3) + 2 * 0.5 / -3.0 * (0.8**-4 - 0.8**0.5)
     assert engineering_stress(law, "uniaxial", [stretch]) == pytest.approx([expected])
 
@@ -63,7 +65,7 @@ def test_gradient_is_the_derivative_of_the_law(name, terms, mode):
     stretch = np.linspace(0.8, 1.3, 6)
 
     def stress(p):
-        return engineering_stress(chosen.law(*chosen.split(p), 0.5), mode, stretch)
+        return engineering_stress(chosen.law(p, 0.5), mode, stretch)
 
     assert chosen.stress(parameters, mode, stretch) == pytest.approx(stress(parameters))
     numeric = approx_fprime(parameters, stress, 1e-7)
@@ -74,11 +76,11 @@ def test_gradient_is_the_derivative_of_the_law(name, terms, mode):
     ("name", "law"),
     [
         ("yeoh", tissues.FASCIA),
-        ("yeoh", Yeoh(2e-4, 0.0, 3e-5)),
+        ("yeoh", Yeoh(c10=2e-4, c20=0.0, c30=3e-5)),
         ("ogden", tissues.FAT),
         ("ogden", tissues.MUSCLE),
-        ("ogden", Ogden((0.01, 0.03), (-6.5, 9.0), d1=0.0)),
-        ("neo-hookean", neo_hookean(0.3, d1=0.0)),
+        ("ogden", Ogden(mu=(0.01, 0.03), alpha=(-6.5, 9.0), d1=0.0)),
+        ("neo-hookean", neo_hookean(mu=0.3, d1=0.0)),
     ],
 )
 def test_exact_data_give_their_law_back(name, law):
@@ -96,7 +98,9 @@ def test_exact_data_give_their_law_back(name, law):
 
 
 @pytest.mark.parametrize("sd", [False, True])
-@pytest.mark.parametrize(("name", "terms", "law"), [("yeoh", 2, Yeoh(1, 3)), ("ogden", 1, None)])
+@pytest.mark.parametrize(
+    ("name", "terms", "law"), [("yeoh", 2, Yeoh(c10=1, c20=3)), ("ogden", 1, None)]
+)
 def test_one_sigma_intervals_hold_the_truth_two_times_in_three(name, terms, law, sd):
     law = law or tissues.MUSCLE
     chosen = family(name, terms)
@@ -115,15 +119,17 @@ def test_one_sigma_intervals_hold_the_truth_two_times_in_three(name, terms, law,
 
 
 def test_the_band_is_that_of_the_stress():
-    data = made_test(Yeoh(1.0), noise=0.02, rng=np.random.default_rng(3))
+    data = made_test(Yeoh(c10=1.0), noise=0.02, rng=np.random.default_rng(3))
     found = fit(family("yeoh", 1), [data])
     # One linear parameter: the band is its interval times the stress per modulus.
-    per_c10 = engineering_stress(Yeoh(1.0), "uniaxial", data.stretch)
+    per_c10 = engineering_stress(Yeoh(c10=1.0), "uniaxial", data.stretch)
     assert found.band("uniaxial", data.stretch) == pytest.approx(found.half_widths() * per_c10)
 
 
 def test_standard_deviations_weigh():
-    small, large = (made_test(Yeoh(c), noise=1e-9, rng=np.random.default_rng(1)) for c in (1, 3))
+    small, large = (
+        made_test(Yeoh(c10=c), noise=1e-9, rng=np.random.default_rng(1)) for c in (1, 3)
+    )
     sure, unsure = np.full(26, 0.01), np.full(26, 0.02)
     both = [replace(small, sd=sure), replace(large, sd=unsure)]
     found = fit(family("yeoh", 1), both)
@@ -135,11 +141,11 @@ def test_standard_deviations_weigh():
 
 
 def notes_of(found: Fit) -> list[str]:
-    return doubts(found, stable_ranges(found.law))
+    return diagnostics(found, stable_ranges(found.law))
 
 
 def test_r_squared_by_hand():
-    data = made_test(Yeoh(1.0), points=4, noise=0.3, rng=np.random.default_rng(5))
+    data = made_test(Yeoh(c10=1.0), points=4, noise=0.3, rng=np.random.default_rng(5))
     found = fit(family("yeoh", 1), [data])
     residual = data.stress - engineering_stress(found.law, "uniaxial", data.stretch)
     expected = 1 - np.sum(residual**2) / np.sum((data.stress - np.mean(data.stress)) ** 2)
@@ -160,7 +166,7 @@ def test_ogden_on_fascia_says_what_the_data_do_not_determine():
 
 
 def test_the_order_of_terms_makes_no_other_minimum():
-    data = made_test(Ogden((1.0, 3.0), (-6.5, 9.0), d1=0.0), stretch=(0.8, 1.2))
+    data = made_test(Ogden(mu=(1.0, 3.0), alpha=(-6.5, 9.0), d1=0.0), stretch=(0.8, 1.2))
     found = fit(replace(family("ogden", 2), starts=((-6.0, 6.0), (6.0, -6.0))), [data])
     assert [minimum.searches for minimum in found.minima] == [2]
     assert found.law.alpha == pytest.approx((-6.5, 9.0))
@@ -179,8 +185,9 @@ def test_a_law_of_another_shape_is_said():
 
 def test_terms_that_coincide_and_searches_that_do_not_end_are_said():
     # Coefficients of either sign: two equal terms share their modulus in any way.
-    chosen = replace(family("ogden", 2), starts=((4.0, 4.0),))
     data = made_test(tissues.MUSCLE, noise=0.02, rng=np.random.default_rng(1))
+    best = fit(family("ogden", 1), [data]).law.alpha[0]
+    chosen = replace(family("ogden", 2), starts=((best, best),))
     found = fit(chosen, [data], free_signs=True)
     assert any("Terms do each other's work" in note for note in notes_of(found))
     assert not any("did not converge" in note for note in notes_of(found))
@@ -197,7 +204,7 @@ def test_no_search_converges(monkeypatch):
 
 def test_a_coefficient_at_its_bound_has_no_interval():
     # Softens: C20 would be negative.
-    data = made_test(Ogden((1.0,), (0.5,), d1=0.0), stretch=(1.0, 2.0))
+    data = made_test(Ogden(mu=(1.0,), alpha=(0.5,), d1=0.0), stretch=(1.0, 2.0))
     found = fit(family("yeoh", 2), [data])
     assert found.law.c20 == 0 and list(found.at_bound) == [False, True]
     assert any("At a bound" in note and "C20" in note for note in notes_of(found))
@@ -213,7 +220,7 @@ def test_a_coefficient_at_its_bound_has_no_interval():
 # det D = f1'' (f1'' + 2 f3''), stability is lost at stretch 2, in uniaxial tension at
 # f2'' + 2 f1'' = 0.
 def test_drucker_stability_is_lost_where_it_must_be():
-    ranges = {r.mode: r for r in stable_ranges(Ogden((2.0, -1.0), (1.0, 2.0), d1=0.0))}
+    ranges = {r.mode: r for r in stable_ranges(Ogden(mu=(2.0, -1.0), alpha=(1.0, 2.0), d1=0.0))}
     assert ranges["equibiaxial"].high == pytest.approx(2.0, rel=1e-9)
 
     def f(e):
@@ -228,9 +235,9 @@ def test_drucker_stability_is_lost_where_it_must_be():
     [
         tissues.FASCIA,
         tissues.FAT,
-        Hencky(1.0, 0.5),
-        neo_hookean(2.0, 0.0),
-        Ogden((1.0, 1.0), (-ALPHA_MAX, ALPHA_MAX), 0.0),
+        Hencky(e=1.0, nu=0.5),
+        neo_hookean(mu=2.0, d1=0.0),
+        Ogden(mu=(1.0, 1.0), alpha=(-ALPHA_MAX, ALPHA_MAX), d1=0.0),
     ],
 )
 def test_laws_that_are_stable_at_every_strain(law):
@@ -238,12 +245,12 @@ def test_laws_that_are_stable_at_every_strain(law):
 
 
 def test_tangent_without_load():
-    assert tangents(Yeoh(1.5), "planar", [1.0]) == pytest.approx(np.array([[6.0, 18.0]]))
+    assert tangents(Yeoh(c10=1.5), "planar", [1.0]) == pytest.approx(np.array([[6.0, 18.0]]))
 
 
 def test_instability_within_the_data_is_said():
     # Stable as a law, since C10 + 2 C20 i + 3 C30 i^2 > 0, but not by Drucker.
-    law = Yeoh(1.0, -1.0, 0.4)
+    law = Yeoh(c10=1.0, c20=-1.0, c30=0.4)
     data = made_test(law, "equibiaxial", (1.0, 1.3))
     found = fit(family("yeoh", 3), [data], free_signs=True)
     assert (found.law.c20, found.law.c30) == pytest.approx((-1.0, 0.4))

@@ -179,7 +179,7 @@ def test_ogden_on_fascia_is_reported_plainly(tmp_path, capfd):
     assert main(["fit", data, "--law", "ogden", "--terms", "2", "--out", str(tmp_path / "o")]) == 0
     told = capfd.readouterr().out
     assert "note: " in told and "Not determined" in told
-    assert json.loads((tmp_path / "o" / "fit.json").read_text())["doubts"]
+    assert json.loads((tmp_path / "o" / "fit.json").read_text())["diagnostics"]
     assert main(["fit", data, "--law", "yeoh", "--out", str(tmp_path / "y")]) == 0
     law = read_material(tmp_path / "y" / "material.toml")
     record = json.loads((tmp_path / "y" / "fit.json").read_text())

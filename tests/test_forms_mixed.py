@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
-from calfsocket.materials import tissues
-from calfsocket.materials.laws import Hencky, Law, Ogden, Yeoh, law_fields, law_tags
+from calfsocket.materials.fields import LawFields
+from calfsocket.materials.laws import Hencky, Law, Ogden, Yeoh
 
 # Regions 1 to 4, moduli of one size so that no law hides in another's rounding.
 LAWS: dict[int, Law] = {
@@ -25,7 +25,7 @@ LAWS: dict[int, Law] = {
 @dataclass
 class Problem:
     w: fem.Function
-    fields: mixed.LawFields
+    fields: LawFields
     dx: ufl.Measure
     cell_tags: mesh.MeshTags
     residual_form: fem.Form
@@ -48,15 +48,18 @@ def problem(laws: dict[int, Law]) -> Problem:
     x = mesh.compute_midpoints(domain, 2, cells)[:, 0]
     cell_tags = mesh.meshtags(domain, 2, cells, 1 + np.floor(4 * x).astype(np.int32))
     w = fem.Function(fem.functionspace(domain, section_element()))
-    fields = law_fields(domain, cell_tags, laws)
-    dx = mixed.volume_measure(domain, law_tags(domain, cell_tags, laws))
+    names = {tag: f"region {tag}" for tag in laws}
+    regions = {name: tag for tag, name in names.items()}
+    by_name = {names[tag]: law for tag, law in laws.items()}
+    fields = LawFields(domain, cell_tags, regions, by_name)
+    dx = mixed.volume_measure(domain, fields.tags)
     return Problem(
         w,
         fields,
         dx,
         cell_tags,
-        fem.form(mixed.residual(w, fields, dx)),
-        fem.form(mixed.tangent(w, fields, dx)),
+        fem.form(mixed.residual(w, fields.materials, dx)),
+        fem.form(mixed.tangent(w, fields.materials, dx)),
     )
 
 
@@ -97,7 +100,7 @@ def test_quadrature_degree(section: Problem) -> None:
     def integral(power: int) -> float:
         return sum(
             fem.assemble_scalar(fem.form(x**power * section.dx(tag)))
-            for tag in mixed.LAW_IDS.values()
+            for tag in section.fields.materials
         )
 
     assert integral(4) == pytest.approx(1 / 5, rel=1e-14)
@@ -106,9 +109,11 @@ def test_quadrature_degree(section: Problem) -> None:
 
 def test_residual_and_tangent_are_derivatives_of_the_potential(section: Problem) -> None:
     section.w.x.array[:] = random_state(section)
-    potential = mixed.potential(section.w, section.fields, section.dx)
+    potential = mixed.potential(section.w, section.fields.materials, section.dx)
     first = ufl.derivative(potential, section.w)
-    second = ufl.derivative(mixed.residual(section.w, section.fields, section.dx), section.w)
+    second = ufl.derivative(
+        mixed.residual(section.w, section.fields.materials, section.dx), section.w
+    )
     residual, tangent = section.residual(), section.tangent()
     exact = fem.assemble_vector(fem.form(first)).array
     assert np.allclose(residual, exact, rtol=0, atol=1e-13 * np.abs(exact).max())
@@ -119,7 +124,7 @@ def test_residual_and_tangent_are_derivatives_of_the_potential(section: Problem)
 
 @pytest.mark.parametrize("where", ["reference", "equal stretches", "random"])
 def test_taylor(section: Problem, where: str) -> None:
-    potential = fem.form(mixed.potential(section.w, section.fields, section.dx))
+    potential = fem.form(mixed.potential(section.w, section.fields.materials, section.dx))
     if where == "equal stretches":
         displace(section, 0.1 * np.eye(2))
     elif where == "random":
@@ -152,18 +157,10 @@ def test_every_parameter_counts(section: Problem) -> None:
     section.w.x.array[:] = state
     residual, tangent = section.residual(), section.tangent()
     fields = section.fields
-    regions = {
-        fields.ogden_mu[0]: (1, 2),
-        fields.ogden_alpha[0]: (1, 2),
-        fields.ogden_mu[1]: (1, 2),
-        fields.ogden_alpha[1]: (1,),
-        fields.c10: (3,),
-        fields.c20: (3,),
-        fields.c30: (3,),
-        fields.hencky_mu: (4,),
-        fields.inverse_bulk: (1, 2, 3, 4),
-        fields.pressure_scale: (1, 2, 3, 4),
-    }
+    regions = {fields.inverse_bulk: (1, 2, 3, 4), fields.pressure_scale: (1, 2, 3, 4)}
+    for region in LAWS:
+        regions |= dict.fromkeys(fields.of_region(f"region {region}").coefficients, (region,))
+    assert len(regions) == 2 + 4 + 2 + 3 + 1
     for function, meant in regions.items():
         before = function.x.array.copy()
         function.x.array[:] += 0.1
@@ -206,19 +203,3 @@ def test_pressure_scale_only_scales_the_unknown(section: Problem) -> None:
     u, p = section.dofs(0), section.dofs(1)
     assert np.allclose(scaled[u], residual[u], rtol=1e-13, atol=1e-16)
     assert np.allclose(scaled[p], 4 * residual[p], rtol=1e-13, atol=1e-16)
-
-
-def test_compiled_once_for_all_materials() -> None:
-    """Both sets, all variants: same code, since laws and parameters are data."""
-    tissue = {1: "skin", 2: "fascia", 3: "muscle", 4: "bone"}
-    kernels = set()
-    for arguments in [
-        ("separate",),
-        ("combined",),
-        ("separate", "tables"),
-        ("separate", "printed", "as-printed"),
-    ]:
-        laws = tissues.material_set(*arguments)
-        section = problem({region: laws[name] for region, name in tissue.items()})
-        kernels.add((section.residual_form.module.__file__, section.tangent_form.module.__file__))
-    assert len(kernels) == 1

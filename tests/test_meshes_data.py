@@ -8,15 +8,17 @@ from typing import Any
 import pytest
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes import data
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.io.schema import read_json
+from calfsocket.meshes import limb
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket, Sockets, reference_sockets
 
-FOLDER = Path(data.__file__).parent
+FOLDER = Path(limb.__file__).parent
 Change = Callable[[dict[str, Any]], Any]
 
 
 def test_the_calf_has_27_regions_of_6_tissues() -> None:
-    limb = load_limb()
+    limb = Limb.reference()
     counts: dict[str, int] = {}
     for region in limb.regions:
         counts[region.tissue] = counts.get(region.tissue, 0) + 1
@@ -27,14 +29,14 @@ def test_the_calf_has_27_regions_of_6_tissues() -> None:
 
 
 def test_the_sockets_are_three_with_a_wall_of_4_5_mm() -> None:
-    sockets = load_sockets()
-    assert list(sockets.sockets) == ["TC", "TSB", "HS"]
-    assert {sockets.socket(name).wall_thickness for name in sockets.sockets} == {4.5}
+    sockets = reference_sockets()
+    assert list(sockets) == ["TC", "TSB", "HS"]
+    assert {socket.wall_thickness for socket in sockets.values()} == {4.5}
 
 
 def test_limbs_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        load_limb().title = "another"
+        Limb.reference().title = "another"
 
 
 def wrong(tmp_path: Path, name: str, change: Change) -> str:
@@ -44,7 +46,7 @@ def wrong(tmp_path: Path, name: str, change: Change) -> str:
     path = tmp_path / name
     path.write_text(json.dumps(content))
     with pytest.raises(InputError) as caught:
-        (load_limb if name == "calf.json" else load_sockets)(path)
+        read_json(path, Limb if name == "calf.json" else Sockets)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -224,7 +226,7 @@ SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "another law's parameter": (
         lambda c: c["sockets"]["TC"].update(roundness=0.1),
-        "sockets.TC: unknown key 'roundness'; allowed: base, bumps, law, title",
+        "sockets.TC: unknown key 'roundness'; allowed: base, bumps, law, modulus",
     ),
     "bump without width": (
         lambda c: c["sockets"]["HS"]["bumps"][0].pop("width"),
@@ -235,8 +237,8 @@ SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
         "sockets.HS.roundness: is 1.1; it must be less than or equal to 1",
     ),
     "no wall": (
-        lambda c: c.update(wall_thickness=0.0),
-        "wall_thickness: is 0.0; it must be greater than 0",
+        lambda c: c["sockets"]["TC"].update(wall_thickness=0.0),
+        "sockets.TC.wall_thickness: is 0.0; it must be greater than 0",
     ),
 }
 
@@ -262,18 +264,18 @@ def test_what_is_no_proper_json_is_refused(tmp_path: Path, text: str, expected: 
     path = tmp_path / "limb.json"
     path.write_text(text)
     with pytest.raises(InputError, match=expected):
-        load_limb(path)
+        Limb.read(path)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.json: cannot be read \(No such file"):
-        load_limb(tmp_path / "nowhere.json")
+        Limb.read(tmp_path / "nowhere.json")
 
 
 def test_unknown_names_are_answered_with_the_nearest() -> None:
     with pytest.raises(InputError, match="no socket 'TCB'; did you mean 'TC'"):
-        load_sockets().socket("TCB")
+        Socket.reference("TCB")
     with pytest.raises(InputError, match="no socket 'x'; allowed: HS, TC, TSB"):
-        load_sockets().socket("x")
+        Socket.reference("x")
     with pytest.raises(InputError, match="no region 'tibea'; did you mean 'tibia'"):
-        load_limb().region("tibea")
+        Limb.reference().region("tibea")

@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dolfinx.mesh import entities_to_geometry
+from geometry import LIMB, section_of
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.meshes.section import build, section_mesh
+from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import NormalOffset
 from calfsocket.meshes.triangles import TriangleMesh
 
 
@@ -62,9 +63,9 @@ def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str:
     ).hexdigest()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def coarse() -> TriangleMesh:
-    return build(load_limb(), load_sockets().socket("TSB"), mesh_size("coarse"))
+    return section_of("TSB")
 
 
 def test_the_numbering_of_gmsh_is_found_again(coarse: TriangleMesh) -> None:
@@ -80,12 +81,13 @@ import sys
 sys.path.insert(0, {tests!r})
 from mpi4py import MPI
 from test_meshes_parallel import fingerprint
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import Socket
 comm = MPI.COMM_WORLD
-parts = load_limb(), load_sockets().socket("TSB"), mesh_size("coarse")
+parts = Limb.reference(), Socket.reference("TSB"), mesh_size("coarse")
 print(fingerprint(comm, section_mesh(comm, *parts)), end="", flush=True)
 comm.barrier()
 if comm.rank == comm.size - 1:  # a rank by itself
@@ -130,5 +132,6 @@ def test_other_errors_keep_their_cause() -> None:
     with pytest.raises(RuntimeError, match="ArithmeticError: so it is") as caught:
         distribute(MPI.COMM_SELF, fail)
     assert isinstance(caught.value.__cause__, ArithmeticError)
-    with pytest.raises(InputError, match="no socket"):
-        section_mesh(MPI.COMM_SELF, load_limb(), load_sockets().socket("none"), mesh_size("coarse"))
+    turned_over = NormalOffset(base=60.0)
+    with pytest.raises(InputError, match="crosses itself"):
+        section_mesh(MPI.COMM_SELF, LIMB, turned_over, mesh_size("coarse"))

@@ -16,10 +16,11 @@ VERSION = f"calfsocket {calfsocket.__version__}"
 # The whole way from installed names to installed data.
 READ_DATA = """
 import calfsocket.forms
-from calfsocket.meshes import data
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket
 from calfsocket.report import page, published, writing
-data.load_limb()
-data.load_sockets()
+Limb.reference()
+Socket.reference("HS")
 published.claims()
 page.read_template("report.html")
 page.read_template("report.css")

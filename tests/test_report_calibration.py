@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from calfsocket.calibration.names import LABELS
 from calfsocket.io.errors import InputError
 from calfsocket.report import calibration, writing
 from calfsocket.report.calibration import NoCalibration, read_calibration
@@ -244,4 +245,4 @@ def test_the_report_is_made_without_a_broken_calibration(study, caplog):
 
 
 def test_the_hand_made_curves_have_the_names_of_the_files():
-    assert set(FORCE) == set(calibration.LABELS)
+    assert set(FORCE) == set(LABELS)

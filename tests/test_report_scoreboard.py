@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.report import comparison, published
 from calfsocket.report.changes import magnitude_change
 from calfsocket.report.claims.evidence import Evidence
@@ -191,7 +191,7 @@ def test_parameters_other_than_table_1_are_named(tmp_path):
 
 
 def test_other_choices_are_named(tmp_path):
-    frictionless = ContactParameters(fric_coeff=0.0)
+    frictionless = Contact(friction=0.0)
     settings = Settings(contact=frictionless, ogden_form="as-printed")
     study = write_results(tmp_path, limb_study((("TC", "separate"),)), settings)
     board = scoreboard(read_results(study)).set_index("id")

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.report import variants
 from calfsocket.report.scoreboard import HOLDS, UNCHECKED
 from calfsocket.simulation.case import Case, Settings
@@ -23,8 +24,8 @@ def study(settings: Settings) -> Study:
     return Study(
         (Case("TC", "separate"),),
         settings,
-        load_limb(),
-        load_sockets(),
+        Limb.reference(),
+        reference_sockets(),
         Path("out"),
         pictures=False,
     )
@@ -49,12 +50,12 @@ def test_one_choice_is_changed_at_a_time():
         "socket-held-and-fascia-c10-tables": {"socket_support", "fascia_c10"},
     }
     frictionless = {each.out.name: each.settings.contact for each in others}["frictionless"]
-    assert frictionless == ContactParameters(fric_coeff=0.0)
+    assert frictionless == Contact(friction=0.0)
     assert all(each.cases == base.cases and each.limb is base.limb for each in others)
 
 
 def test_a_choice_already_made_is_no_variant():
-    settings = Settings(contact=ContactParameters(fric_coeff=0.0))
+    settings = Settings(contact=Contact(friction=0.0))
     names = [each.out.name for each in family.studies(study(settings))]
     assert "frictionless" not in names and len(names) == 5
 
@@ -96,7 +97,7 @@ def test_choices_and_counts(tables):
     rows = tables["variants"].set_index("variant")
     assert rows.index.tolist() == ["base", "fascia-c10-tables", "socket-held"]
     assert rows.choice["fascia-c10-tables"] == "fascia_c10 tables"
-    assert "fric_coeff 0.4" in rows.choice["base"]
+    assert "friction 0.4" in rows.choice["base"]
     assert rows.cases.tolist() == [2, 2, 1]
     assert (rows[["holds", "does not hold", UNCHECKED]].sum(axis=1) == 105).all()
 

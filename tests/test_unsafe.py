@@ -58,8 +58,8 @@ def own_results(folder: Path, cases) -> Path:
             entry["changes"] = {"model.friction": float(name.split("=")[1][:3])}
     (folder / "run.json").write_text(json.dumps(run))
     summary = pd.read_csv(folder / "summary.csv")
-    first = summary[summary.outcome == "contact_pressure_mean"]
-    beyond = first.assign(outcome="share_of_contact_pressure_above_9_kPa", value=12.5, unit="%")
+    first = summary[summary.quantity == "contact_pressure_mean"]
+    beyond = first.assign(quantity="share_of_contact_pressure_above_9_kPa", value=12.5, unit="%")
     pd.concat([summary, beyond]).to_csv(folder / "summary.csv", index=False)
     sweep = pd.DataFrame({"case": list(run["cases"]), "socket": "s", "material_set": "m",
                           "p": "'=1+1", "status": "solved"})  # fmt: skip

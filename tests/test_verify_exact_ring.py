@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calfsocket.materials.laws import Hencky
-from calfsocket.materials.tissues import material_set
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.verification.exact_ring import MATERIALS, OVERCLOSURE, WAVES, solve_ring
 from calfsocket.verification.radial import (
     LIMB,
@@ -30,7 +30,7 @@ SHOOTING = {
 
 @pytest.mark.parametrize(("material", "overclosure"), SHOOTING)
 def test_radial_solution_by_another_method(material, overclosure):
-    exact = exact_ring(material_set(material), overclosure)
+    exact = exact_ring(MaterialSet.paper(material).tissue_laws(), overclosure)
     pressure, radius = SHOOTING[material, overclosure]
     assert exact.pressure == pytest.approx(pressure, rel=5e-10)
     assert exact.skin_radius == pytest.approx(radius, abs=1e-9)
@@ -38,7 +38,7 @@ def test_radial_solution_by_another_method(material, overclosure):
 
 @pytest.mark.parametrize("material", MATERIALS)
 def test_radial_solution_keeps_its_digits(material):
-    laws = material_set(material)
+    laws = MaterialSet.paper(material).tissue_laws()
     exact = exact_ring(laws, 0.9)
     for nodes in (12, 28):
         other = exact_ring(laws, 0.9, nodes=nodes)
@@ -47,7 +47,7 @@ def test_radial_solution_keeps_its_digits(material):
 
 @pytest.mark.parametrize("material", MATERIALS)
 def test_work_is_stored_energy(material):
-    assert abs(work_error(material_set(material), 0.9)) < 1e-12
+    assert abs(work_error(MaterialSet.paper(material).tissue_laws(), 0.9)) < 1e-12
 
 
 def test_radial_solution_of_small_strains_is_lames():
@@ -64,7 +64,7 @@ def test_radial_solution_of_small_strains_is_lames():
 
 def test_released_share_of_the_overclosure():
     """At load 0 nothing is pressed; later radii differ by what is not yet released."""
-    laws = material_set("combined")
+    laws = MaterialSet.paper("combined").tissue_laws()
     assert exact_ring(laws, 0.9, load=0.0).pressure == 0.0
     half = exact_ring(laws, 0.9, load=0.5)
     inner = LIMB[-1].outer - 0.9
@@ -113,11 +113,11 @@ def test_unstable_modes(solved, material):
 
 def test_fascia_is_what_buckles():
     """Waves of the Separate set begin at one wave number; without stiff fascia there are none."""
-    laws = material_set("separate")
+    laws = MaterialSet.paper("separate").tissue_laws()
     overclosure, wave = onset(laws, OVERCLOSURE, range(12), digits=0.01)
     assert 0.59 < overclosure < 0.61
     assert wave == 7
-    soft = laws | {"fascia": material_set("combined")["fascia"]}
+    soft = laws | {"fascia": MaterialSet.paper("combined").tissue_laws()["fascia"]}
     assert unstable_waves(exact_ring(soft, OVERCLOSURE).solution, WAVES) == {}
 
 

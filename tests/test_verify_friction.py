@@ -61,7 +61,7 @@ def test_slip_is_the_turn_at_the_radius(loop):
 
 
 def test_limit_moves_with_the_coefficient_of_friction():
-    half = turn(replace(RING, fric_coeff=0.2, h=4.0), (2.0,))
+    half = turn(replace(RING, friction=0.2, h=4.0), (2.0,))
     assert half.torque[1] / RING.slip_torque == pytest.approx(0.5, rel=2e-3)
 
 
@@ -77,9 +77,9 @@ def test_a_rigid_turn_of_both_bodies_changes_nothing(angle):
 def test_a_step_that_is_accepted_stays_an_equilibrium(share):
     """Stuck and sliding: neither creeps, however many steps follow."""
     ring = replace(RING, h=4.0)
-    drive = ring.drive(MPI.COMM_SELF)
-    drive.step([tags.SOCKET], angle=share * ring.slip_turn)
-    torque = drive.model.reaction(tags.SOCKET_OUTER)[1]
+    motion = ring.pressed(MPI.COMM_SELF)
+    motion.step([tags.SOCKET], angle=share * ring.slip_turn)
+    torque = motion.problem.reaction(tags.SOCKET_OUTER)[1]
     for _ in range(3):
-        assert drive.step([tags.SOCKET]).iterations == 0
-    assert drive.model.reaction(tags.SOCKET_OUTER)[1] == pytest.approx(torque, rel=1e-8)
+        assert motion.step([tags.SOCKET]).iterations == 0
+    assert motion.problem.reaction(tags.SOCKET_OUTER)[1] == pytest.approx(torque, rel=1e-8)

@@ -46,7 +46,7 @@ def test_part_of_the_contact_slips_under_half_the_limit():
     assert 0.3 < pulled.tangential / (0.4 * pulled.force) < 0.8
     assert abs(pulled.stick_error) < 0.04
     assert pulled.shear_error < 0.06
-    limit = pulled.line.fric_coeff * pulled.pressure
+    limit = pulled.line.friction * pulled.pressure
     assert np.all(np.abs(pulled.shear) <= limit * (1 + 1e-9))
     assert pulled.stick_half_width < 0.9 * pulled.exact_half_width
 

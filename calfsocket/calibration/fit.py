@@ -27,7 +27,7 @@ from scipy.optimize import least_squares
 
 from calfsocket.calibration.indentation import Curve
 from calfsocket.io.errors import InputError, SolveError
-from calfsocket.materials.laws import Ogden, d1_from_poisson
+from calfsocket.materials.laws import Ogden
 
 FloatArray = NDArray[np.float64]
 
@@ -97,7 +97,8 @@ class Fit:
 
 def ogden(mu: float, alpha: float, d1: float | None = None) -> Ogden:
     """Ogden's law of one term; D1 in 1/MPa from `NU` unless it is given."""
-    return Ogden((mu,), (alpha,), d1_from_poisson(mu, NU) if d1 is None else d1)
+    by: dict[str, Any] = {"nu": NU} if d1 is None else {"d1": d1}
+    return Ogden(mu=(mu,), alpha=(alpha,), **by)
 
 
 def fit_curve(

@@ -10,22 +10,27 @@ from numpy.typing import NDArray
 
 from calfsocket.calibration.fit import Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
+from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
+from calfsocket.calibration.record import deviation
 from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law, Ogden
-from calfsocket.materials.tissues import FasciaC10, material_set
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import KPA, FasciaC10
 from calfsocket.meshes.compound import Compound
-from calfsocket.meshes.data import Limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import named_size
 from calfsocket.postprocess.extract import section_fields
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1
 
 SpecimenName = Literal["compound", "limb"]
 
 STARTS = (ogden(5e-3, 5.0), ogden(30e-3, 25.0))
 """Where searches begin, on either side of any combined material of muscle and fascia."""
+
+NAMES = {SEPARATE: "Separate", FITTED: "Combined (fitted)", TABLE1: "Combined (Table 1)"}
+"""Curves as statements name them."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class Settings:
         "printed" or "tables" (`tissues.FASCIA_C10`).
     materials : mapping of tissue name to law
         Laws of the Separate set in the place of Table 1's.
-    contact : ContactParameters
+    contact : Contact
         Friction and Nitsche stiffness.
     stroke : float, optional
         Way of the plate, mm; the specimen's own otherwise.
@@ -62,7 +67,7 @@ class Settings:
     size: str = "coarse"
     fascia_c10: FasciaC10 = "printed"
     materials: Mapping[str, Law] | None = None
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=Contact)
     stroke: float | None = None
     points: int = 8
     starts: tuple[Ogden, ...] = STARTS
@@ -100,31 +105,42 @@ class Calibration:
         """The fitted combined law."""
         return self.fits[0].law
 
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """Way of the plate at the points of all curves, mm, (n,)."""
+        return self.curves[SEPARATE].displacement
+
+    @property
+    def force_per_metre(self) -> dict[str, NDArray[np.float64]]:
+        """Force of each curve, N per metre of limb, (n,)."""
+        return {name: np.asarray(curve.force / KPA) for name, curve in self.curves.items()}
+
     def deviation(self, name: str) -> float:
         """Root mean square difference of a curve to Separate's, as a share of its largest force."""
-        reference = self.curves[SEPARATE].force
-        difference = (self.curves[name].force - reference) / np.abs(reference).max()
-        return float(np.sqrt(np.mean(difference**2)))
+        return deviation(self.force_per_metre, name)
 
     def ordering(self) -> dict[str, bool]:
-        """Tell which of the paper's observations (section 4) hold here."""
-        force: dict[str, NDArray[np.float64]] = {n: c.force for n, c in self.curves.items()}
-        ignored = force[IGNORED]
-        return {
-            "ignoring fascia is softer than Separate": bool(np.all(ignored < force[SEPARATE])),
-            "ignoring fascia is softer than Combined (fitted)": bool(
-                np.all(ignored < force[FITTED])
-            ),
-            "ignoring fascia is softer than Combined (Table 1)": bool(
-                np.all(ignored < force[TABLE1])
-            ),
-            "ignoring fascia is further from Separate than Combined (fitted)": (
-                self.deviation(IGNORED) > self.deviation(FITTED)
-            ),
-            "ignoring fascia is further from Separate than Combined (Table 1)": (
-                self.deviation(IGNORED) > self.deviation(TABLE1)
-            ),
+        """Return which of the paper's observations (section 4) hold here."""
+        ignored = self.curves[IGNORED].force
+        softer = {
+            f"ignoring fascia is softer than {NAMES[name]}": bool(
+                np.all(ignored < self.curves[name].force)
+            )
+            for name in (SEPARATE, FITTED, TABLE1)
         }
+        further = {
+            f"ignoring fascia is further from Separate than {NAMES[name]}": (
+                self.deviation(IGNORED) > self.deviation(name)
+            )
+            for name in (FITTED, TABLE1)
+        }
+        return softer | further
+
+
+def separate_laws(settings: Settings) -> dict[str, Law]:
+    """Laws of the separate materials, by tissue."""
+    paper = MaterialSet.paper("separate", settings.fascia_c10)
+    return paper.replace_known(settings.materials or {}).tissue_laws()
 
 
 def calibrate(
@@ -143,7 +159,7 @@ def calibrate(
     """
     specimen = _specimen(comm, settings)
     displacements = specimen.stroke / settings.points * np.arange(1.0, settings.points + 1)
-    separate = material_set("separate", settings.fascia_c10, materials=settings.materials)
+    separate = separate_laws(settings)
     curves = {}
 
     def press(name: str, laws: Mapping[str, Law]) -> Indentation:
@@ -153,13 +169,13 @@ def calibrate(
         return test
 
     reference = press(SEPARATE, separate)
-    fields = section_fields(reference.model, specimen.tissues)
+    fields = section_fields(reference.problem, specimen.tissues)
     press(IGNORED, separate | {"fascia": separate["muscle"]})
 
     def combined(law: Law) -> dict[str, Law]:
         return separate | {"muscle": law, "fascia": law}
 
-    table1 = material_set("combined", materials=settings.materials)["muscle"]
+    table1 = MaterialSet.paper("combined").replace_known(settings.materials or {}).laws["combined"]
     test = press(TABLE1, combined(table1))
 
     def curve_of(law: Ogden, neighbours: Sequence[Ogden]) -> Curve:

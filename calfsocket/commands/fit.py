@@ -90,7 +90,7 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 def _fit(arguments: argparse.Namespace) -> None:
     from calfsocket.fit import figure, tables
     from calfsocket.fit.data import read_test
-    from calfsocket.fit.doubts import doubts
+    from calfsocket.fit.diagnostics import diagnostics
     from calfsocket.fit.families import family
     from calfsocket.fit.regression import fit
     from calfsocket.fit.stability import stable_ranges
@@ -107,7 +107,7 @@ def _fit(arguments: argparse.Namespace) -> None:
     tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]
     fitted = fit(chosen, tests, nu, arguments.free_signs)
     stable = stable_ranges(fitted.law)
-    notes = doubts(fitted, stable)
+    notes = diagnostics(fitted, stable)
 
     settings = {"law": law, "terms": terms, "free_signs": arguments.free_signs}
     if law != "yeoh":
@@ -125,7 +125,7 @@ def _fit(arguments: argparse.Namespace) -> None:
             "data_title": [test.title for test in tests],
             "data_sha256": [test.sha256 for test in tests],
             "r_squared": fitted.r_squared,
-            "doubts": notes,
+            "diagnostics": notes,
             **settings,
         }
         write_material(out / "material.toml", fitted.law, provenance)

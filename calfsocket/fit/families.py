@@ -7,12 +7,13 @@ Ogden's exponents alpha are the only other parameters.
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from calfsocket.fit.modes import Array, Mode, ogden_columns, ogden_slopes, yeoh_columns
+from calfsocket.fit.modes import Array, Mode, engineering_stress
 from calfsocket.io.errors import InputError
-from calfsocket.materials.laws import Law, Ogden, Yeoh, d1_from_poisson, neo_hookean
+from calfsocket.materials.laws import Law, Ogden, Yeoh
 
 ALPHA_MAX = 100.0
 """Largest |alpha|: there the study's forms are right to 1e-9 up to l1/l2 = 2 (`forms.accuracy`)."""
@@ -22,6 +23,8 @@ START_ALPHAS = (-54.0, -18.0, -6.0, -2.0, 2.0, 6.0, 18.0, 54.0)
 
 MAX_TERMS = 3
 LAWS = ("yeoh", "ogden", "neo-hookean")
+
+STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
 
 
 @dataclass(frozen=True)
@@ -38,21 +41,18 @@ class Family:
         Names of the exponents, one for each coefficient, or none.
     starts : tuple
         Exponents to start from.
-    columns : callable
-        (exponents, mode, stretch) -> engineering stress differentiated by the coefficients, (n, k).
-    slopes : callable
-        (exponents, mode, stretch) -> each column differentiated by its exponent, (n, k) or (n, 0).
-    law : callable
-        (coefficients in MPa, exponents, nu) -> law; nu gives D1 where the law has one.
+    fields : callable
+        (coefficients in MPa, exponents) -> parameters of the law by name.
+    kind : type of Law
+        The law.
     """
 
     title: str
     coefficients: tuple[str, ...]
     exponents: tuple[str, ...]
     starts: tuple[tuple[float, ...], ...]
-    columns: Callable[[Array, Mode, Array], Array]
-    slopes: Callable[[Array, Mode, Array], Array]
-    law: Callable[[Array, Array, float], Law]
+    fields: Callable[[Array, Array], dict[str, Any]]
+    kind: type[Law]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,17 +64,38 @@ class Family:
         n = len(self.coefficients)
         return parameters[:n], parameters[n:]
 
+    def law(self, parameters: Array, nu: float) -> Law:
+        """Make the law, with D1 by Poisson's ratio where it has one.
+
+        Raises
+        ------
+        InputError
+            When the parameters make no law.
+        """
+        fields = self.fields(*self.split(parameters))
+        if "d1" in self.kind.model_fields:
+            fields["nu"] = nu
+        return self.kind(**fields)
+
     def stress(self, parameters: Array, mode: Mode, stretch: Array) -> Array:
-        """Engineering stress, in the unit of the coefficients, (n,)."""
-        coefficients, exponents = self.split(parameters)
-        return np.asarray(self.columns(exponents, mode, stretch) @ coefficients)
+        """Engineering stress, in the unit of the coefficients, (n,).
+
+        Parameters need not make a stable law, and may be complex.
+        """
+        law = self.kind.model_construct(**self.fields(*self.split(parameters)))
+        return engineering_stress(law, mode, stretch)
 
     def gradient(self, parameters: Array, mode: Mode, stretch: Array) -> Array:
         """Differentiate the engineering stress by all parameters, (n, n_parameters)."""
-        coefficients, exponents = self.split(parameters)
-        slopes = self.slopes(exponents, mode, stretch)
-        columns = self.columns(exponents, mode, stretch)
-        return np.hstack([columns, slopes * coefficients[: slopes.shape[1]]])
+        moved = parameters + 1j * STEP * np.eye(len(parameters))
+        return np.column_stack([self.stress(each, mode, stretch).imag / STEP for each in moved])
+
+    def columns(self, exponents: Array, mode: Mode, stretch: Array) -> Array:
+        """Differentiate the engineering stress by the coefficients, (n, n_coefficients)."""
+        unit = np.eye(len(self.coefficients))
+        return np.column_stack(
+            [self.stress(np.append(each, exponents), mode, stretch) for each in unit]
+        )
 
 
 def family(law: str, terms: int) -> Family:
@@ -88,62 +109,29 @@ def family(law: str, terms: int) -> Family:
     most = 1 if law == "neo-hookean" else MAX_TERMS
     if not 1 <= terms <= most:
         raise InputError(f"--terms {terms}: {law} has 1{f' to {most}' if most > 1 else ''}")
+    numbers = range(1, terms + 1)
+    count = f"{terms} term{'s' if terms > 1 else ''}"
     match law:
         case "yeoh":
-            return _yeoh(terms)
+            names = ("C10", "C20", "C30")[:terms]
+            return Family(f"Yeoh, {count}", names, (), ((),), _yeoh, Yeoh)
         case "ogden":
-            return _ogden(terms)
+            return Family(
+                title=f"Ogden, {count}",
+                coefficients=tuple(f"mu{i}" for i in numbers),
+                exponents=tuple(f"alpha{i}" for i in numbers),
+                starts=tuple(combinations(START_ALPHAS, terms)),
+                fields=lambda mu, alpha: {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist())},
+                kind=Ogden,
+            )
         case "neo-hookean":
-            return _neo_hookean()
+            return Family("neo-Hookean", ("mu",), (), ((),), _neo_hookean, Ogden)
     raise InputError(f"--law {law}: use one of {', '.join(LAWS)}")
 
 
-def _yeoh(terms: int) -> Family:
-    return Family(
-        title=f"Yeoh, {_count(terms)}",
-        coefficients=("C10", "C20", "C30")[:terms],
-        exponents=(),
-        starts=((),),
-        columns=lambda _, mode, stretch: yeoh_columns(terms, mode, stretch),
-        slopes=_no_slopes,
-        law=lambda c, _, nu: Yeoh(*map(float, c)),
-    )
+def _yeoh(coefficients: Array, _: Array) -> dict[str, Any]:
+    return dict(zip(("c10", "c20", "c30"), coefficients.tolist(), strict=False))
 
 
-def _ogden(terms: int) -> Family:
-    numbers = range(1, terms + 1)
-
-    def law(mu: Array, alpha: Array, nu: float) -> Law:
-        incompressible = Ogden(tuple(map(float, mu)), tuple(map(float, alpha)), d1=0.0)
-        d1 = d1_from_poisson(incompressible.initial_shear_modulus, nu)
-        return Ogden(incompressible.mu, incompressible.alpha, d1)
-
-    return Family(
-        title=f"Ogden, {_count(terms)}",
-        coefficients=tuple(f"mu{i}" for i in numbers),
-        exponents=tuple(f"alpha{i}" for i in numbers),
-        starts=tuple(combinations(START_ALPHAS, terms)),
-        columns=ogden_columns,
-        slopes=ogden_slopes,
-        law=law,
-    )
-
-
-def _neo_hookean() -> Family:
-    return Family(
-        title="neo-Hookean",
-        coefficients=("mu",),
-        exponents=(),
-        starts=((),),
-        columns=lambda _, mode, stretch: ogden_columns([2.0], mode, stretch),
-        slopes=_no_slopes,
-        law=lambda mu, _, nu: neo_hookean(float(mu[0]), d1_from_poisson(float(mu[0]), nu)),
-    )
-
-
-def _no_slopes(_: Array, mode: Mode, stretch: Array) -> Array:
-    return np.empty((len(stretch), 0))
-
-
-def _count(terms: int) -> str:
-    return f"{terms} term{'s' if terms > 1 else ''}"
+def _neo_hookean(mu: Array, _: Array) -> dict[str, Any]:
+    return {"mu": tuple(mu.tolist()), "alpha": (2.0,)}

@@ -23,7 +23,7 @@ WIDTH = 50
 
 
 def draw(fit: Fit, notes: Sequence[str], png: Path, pdf: Path) -> None:
-    """Draw a fit, and the doubts about it in words, as PNG and PDF."""
+    """Draw a fit, with its diagnostics in words, as PNG and PDF."""
     figure = Figure(figsize=(10.5, 6.0), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=(1.9, 1.0))
     stress, residual = left.subplots(2, 1, sharex=True, height_ratios=(3, 1))

@@ -146,7 +146,7 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
     minima = _distinct(problem, converged)
     best = minima[0]
     try:
-        law = family.law(*family.split(best.parameters), nu)
+        law = family.law(best.parameters, nu)
     except InputError as error:
         raise InputError(
             f"{problem.files}: the best {family.title} is no stable law ({error}); take other "

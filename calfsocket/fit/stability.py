@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from calfsocket.fit.families import STEP
 from calfsocket.fit.modes import MODES, Array, Mode, log_stretches
-from calfsocket.materials.closed_forms import closed_kirchhoff
-from calfsocket.materials.laws import Law
+from calfsocket.materials.law import Law
 
 SCANNED = (0.25, 4.0)
 """Stretches between which stability is checked."""
@@ -30,8 +30,6 @@ POINTS = 400
 
 ROUNDING = 1e-10
 """Share of the larger eigenvalue below which the smaller one is rounding, and counts as 0."""
-
-STEP = 1e-200  # of the derivative by complex step: nothing is subtracted, no digit lost
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ def tangents(law: Law, mode: Mode, stretch: ArrayLike) -> Array:
     for j in range(2):
         step = np.zeros((3, 1), dtype=complex)
         step[j], step[2] = 1j * STEP, -1j * STEP
-        tau = closed_kirchhoff(law, np.exp(e + step))
+        tau = law.kirchhoff(np.exp(e + step))
         tangent[:, :, j] = (tau[:2] - tau[2]).imag.T / STEP
     return np.asarray(np.linalg.eigvalsh(tangent))
 

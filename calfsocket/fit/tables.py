@@ -132,7 +132,7 @@ def fit_record(
             "checked_stretches": list(SCANNED),
             **{r.mode: {"stable_above": r.low, "stable_below": r.high} for r in stable},
         },
-        "doubts": list(notes),
+        "diagnostics": list(notes),
     }
 
 

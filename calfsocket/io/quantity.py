@@ -2,6 +2,10 @@
 
 A number in Python is in the program's own unit (mm, MPa, 1/MPa, degrees, a share of 1); a text with
 a unit is accepted there, too. In files the unit is required.
+
+`model_dump` gives numbers, or texts as files have them with `context={"units": {...}}`, a mapping
+of the program's units to those that are wanted, e.g. ``{"MPa": "kPa"}``; both read back without
+loss.
 """
 
 from dataclasses import dataclass
@@ -31,13 +35,31 @@ class Written:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Convert a text before the number is checked."""
-        return core_schema.with_info_before_validator_function(self._convert, handler(source))
+        """Convert a text before the number is checked, and back when it is dumped."""
+        return core_schema.with_info_before_validator_function(
+            self._convert,
+            handler(source),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self._write, info_arg=True
+            ),
+        )
 
     def _convert(self, value: Any, info: core_schema.ValidationInfo) -> Any:
         if isinstance(value, str) or (info.context or {}).get("units_required"):
             return self.dimension.parse(value)
         return value
+
+    def text(self, value: float) -> str:
+        """Write a value as files have it, in the unit of the example, to its last digit."""
+        return self.dimension.text(value, self.example.split()[-1])
+
+    def _write(self, value: float, info: core_schema.SerializationInfo) -> float | str:
+        units = (info.context or {}).get("units")
+        if units is None:
+            return value
+        return self.dimension.text(
+            value, units.get(self.dimension.internal, self.dimension.internal)
+        )
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

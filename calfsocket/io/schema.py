@@ -192,12 +192,12 @@ def _message(error: dict[str, Any]) -> str:
     if text.startswith("is no "):
         return text
     if error["type"] == "union_tag_invalid":
-        kind = error["ctx"]
-        return (
-            f"{kind['discriminator']} is '{kind['tag']}'; it must be one of {kind['expected_tags']}"
-        )
+        context = error["ctx"]
+        key, tag = context["discriminator"].strip("'"), context["tag"]
+        return f"{key} is '{tag}'; it must be one of {context['expected_tags']}"
     if error["type"] == "union_tag_not_found":
-        return f"{error['ctx']['discriminator']} is missing; add it"
+        key = error["ctx"]["discriminator"].strip("'")
+        return f"{key} is missing; add it"
     text = _PLAIN.get(error["type"], text)
     said = text.replace("Input should be", "it must be").replace("Input should", "it must")
     return f"is {_shortened(error['input'])}; {said[0].lower()}{said[1:]}"

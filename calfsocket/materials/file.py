@@ -10,25 +10,29 @@
 
 Laws and their keys: ``ogden`` (mu, alpha, d1 or nu, form), ``yeoh`` (c10, c20, c30), ``hencky``
 (e, nu) and ``neo-hookean`` (mu, d1 or nu), which is Ogden's with alpha = 2. Their meaning and
-ranges are those of `laws`. The provenance is for people: any keys with texts and numbers.
+ranges are those of the classes `Ogden`, `Yeoh` and `Hencky`. The provenance is for people: any keys
+with texts and numbers.
 """
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
+
+from pydantic import RootModel
 
 import calfsocket
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.schema import checked, read_toml
-from calfsocket.io.units import COMPLIANCE, STRESS
-from calfsocket.materials.entry import entry_of
-from calfsocket.materials.laws import Hencky, Law, Ogden, Yeoh
-from calfsocket.materials.tissues import MaterialSet, materials_of
+from calfsocket.materials.laws import IN_FILES, AnyLaw, Law
 
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
+
+
+class _Content(RootModel[AnyLaw]):
+    """A law's table."""
 
 
 def read_material(path: Path) -> Law:
@@ -40,44 +44,24 @@ def read_material(path: Path) -> Law:
         When it cannot be read or holds no law, naming the file, the key and what is allowed.
     """
     path = Path(path)
-    content = read_toml(path)
-    try:
-        model = entry_of(content)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    return checked(path, content, model).to_law()
+    return law_in(path, read_toml(path))
 
 
-def read_materials(words: Sequence[str], sets: Iterable[MaterialSet]) -> dict[str, Law]:
-    """Read the material files that take the place of Table 1's laws.
-
-    Parameters
-    ----------
-    words
-        ``TISSUE=FILE.toml`` each, where the tissue "combined" is muscle and fascia of that set.
-    sets
-        Material sets that are solved.
+def law_in(path: Path, content: Mapping[str, Any]) -> Law:
+    """Law of a material file's content; the path is for messages.
 
     Raises
     ------
     InputError
-        For a word of another kind, a tissue that does not exist, stands there twice or is in none
-        of the sets, or a bad file.
+        As of `read_material`.
     """
-    used = dict.fromkeys(material for name in sets for material in materials_of(name).values())
-    laws: dict[str, Law] = {}
-    for word in words:
-        tissue, equals, file = word.partition("=")
-        if not (equals and file):
-            raise InputError(f"--material {word}: write TISSUE=FILE.toml")
-        if tissue not in used:
-            raise InputError(
-                f"--material {word}: no case has a tissue {tissue!r}; use one of {', '.join(used)}"
-            )
-        if tissue in laws:
-            raise InputError(f"--material {word}: {tissue} stands there twice; name it once")
-        laws[tissue] = read_material(Path(file))
-    return laws
+    provenance = content.get("provenance", {})
+    if not isinstance(provenance, dict):
+        raise InputError(f"{path}: provenance: is {provenance!r}; it must be a table")
+    table = {key: value for key, value in content.items() if key != "provenance"}
+    if "law" not in table:
+        raise InputError(f"{path}: law is missing; give one of {', '.join(IN_FILES)}")
+    return cast(Law, checked(path, table, _Content).root)  # a neo-Hookean one has become Ogden's
 
 
 def write_material(path: Path, law: Law, provenance: Provenance) -> None:
@@ -92,32 +76,12 @@ def write_material(path: Path, law: Law, provenance: Provenance) -> None:
     provenance
         Where they come from, e.g. program, data, its hash; calfsocket's version is added.
     """
-    lines = [f"{key} = {_toml(value)}" for key, value in _entries(law).items()]
+    lines = [f"{key} = {_toml(value)}" for key, value in law.texts().items()]
     lines += ["", "[provenance]"]
-    told = {"calfsocket": calfsocket.__version__, **provenance}
-    lines += [f"{_key(key)} = {_toml(value)}" for key, value in told.items()]
+    origin = {"calfsocket": calfsocket.__version__, **provenance}
+    lines += [f"{_key(key)} = {_toml(value)}" for key, value in origin.items()]
     with replacing(Path(path)) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _entries(law: Law) -> dict[str, Any]:
-    unit = "kPa" if law.initial_shear_modulus < 1 else "MPa"
-
-    def stress(value: float) -> str:
-        return STRESS.text(value, unit)
-
-    entries: dict[str, Any] = {"law": law.name}
-    match law:
-        case Ogden():
-            entries["mu"] = [stress(mu) for mu in law.mu]
-            entries["alpha"] = list(law.alpha)
-            entries["d1"] = COMPLIANCE.text(law.d1, "1/MPa")
-            entries["form"] = law.form
-        case Yeoh():
-            entries |= {key: stress(getattr(law, key)) for key in ("c10", "c20", "c30")}
-        case Hencky():
-            entries |= {"e": stress(law.e), "nu": law.nu}
-    return entries
 
 
 def _key(name: str) -> str:
@@ -125,7 +89,7 @@ def _key(name: str) -> str:
 
 
 def _toml(value: Any) -> str:
-    """Return a text, a number or a list of them as TOML, of which JSON's notation is a part."""
+    """Write a text, a number or a list of them as TOML, of which JSON's notation is a part."""
     # JSON leaves DEL alone, which TOML wants escaped.
     plain = list(value) if isinstance(value, tuple) else value
     return json.dumps(plain, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

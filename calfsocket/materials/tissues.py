@@ -1,4 +1,4 @@
-"""Table 1 of the paper: the law of every tissue, and the two material sets.
+"""Table 1 of the paper: the law of every tissue.
 
 Every number stands here as printed, with its unit. Checks on the table: D1 = 3 (1 - 2 nu) /
 (mu1 (1 + nu)) with nu = 0.495 (note under Table 1, after Silber and Then, equation 3.273) gives all
@@ -6,16 +6,12 @@ four printed D1 to three figures when mu1 is the initial shear modulus, which it
 2 mu/alpha^2 and not in equation (1) as printed, mu/alpha. Tables 2 and 4 say the same.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Literal, get_args
+from typing import Literal
 
-from calfsocket.io.errors import InputError
-from calfsocket.materials.laws import Hencky, Law, Ogden, OgdenForm, Yeoh
-from calfsocket.postprocess.fields import TISSUES
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh
 
-MaterialSet = Literal["separate", "combined"]
-MATERIAL_SETS: tuple[MaterialSet, ...] = get_args(MaterialSet)
+TISSUES = ("skin", "fat", "fascia", "muscle", "bone", "vessel", "socket")
+
 FasciaC10 = Literal["printed", "tables"]
 
 # Inside, stresses are MPa = N/mm^2.
@@ -40,61 +36,3 @@ VESSEL = Hencky(e=10.00 * KPA, nu=0.49)
 BONE = Hencky(e=11.80 * GPA, nu=0.394)
 # PETG of test sockets.
 SOCKET = Hencky(e=459.0 * MPA, nu=0.4)
-
-
-def material_set(
-    name: MaterialSet,
-    fascia_c10: FasciaC10 = "printed",
-    ogden_form: OgdenForm = "abaqus",
-    materials: Mapping[str, Law] | None = None,
-) -> dict[str, Law]:
-    """Law of each tissue in one of the paper's two material sets.
-
-    Parameters
-    ----------
-    name : str
-        "separate": every tissue its own law; "combined": muscle and fascia share one.
-    fascia_c10 : str
-        C10 of the separate fascia: "printed" in Table 1, 4.91 MPa, or as the paper's result
-        "tables" need it, 0.491 MPa.
-    ogden_form : str
-        "abaqus", which reproduces the paper's results, or "as-printed", its equation (1).
-    materials : mapping of str to law, optional
-        Laws in the place of Table 1's, by name of the tissue; "combined" is the one that muscle
-        and fascia share in the combined set.
-
-    Returns
-    -------
-    dict of str to law
-        Tissues skin, fat, muscle, fascia, vessel, bone, socket.
-    """
-    _choice("material set", name, MATERIAL_SETS)
-    _choice("fascia_c10", fascia_c10, get_args(FasciaC10))
-    _choice("ogden_form", ogden_form, get_args(OgdenForm))
-    fascia = replace(FASCIA, c10=FASCIA_C10[fascia_c10])
-    table1: dict[str, Law] = {
-        "skin": SKIN,
-        "fat": FAT,
-        "muscle": MUSCLE,
-        "fascia": fascia,
-        "combined": MUSCLE_AND_FASCIA,
-        "vessel": VESSEL,
-        "bone": BONE,
-        "socket": SOCKET,
-    }
-    laws = {
-        tissue: replace(law, form=ogden_form) if isinstance(law, Ogden) else law
-        for tissue, law in table1.items()
-    } | dict(materials or {})
-    return {tissue: laws[material] for tissue, material in materials_of(name).items()}
-
-
-def materials_of(name: MaterialSet) -> dict[str, str]:
-    """Material of each tissue in a set: its own, or "combined"."""
-    shared = ("muscle", "fascia") if name == "combined" else ()
-    return {tissue: "combined" if tissue in shared else tissue for tissue in TISSUES}
-
-
-def _choice(key: str, value: str, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise InputError(f"{key} is {value!r}; use one of {', '.join(allowed)}")

@@ -1,11 +1,11 @@
-"""The solved section as plain arrays: what outcomes, files and pictures are made from."""
+"""The solved section as plain arrays: what quantities, files and pictures are made from."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-TISSUES = ("skin", "fat", "fascia", "muscle", "bone", "vessel", "socket")
+from calfsocket.materials.tissues import TISSUES
 
 # Reference coordinates of the 3-point rule of a triangle, which is that of Abaqus's CPE6H.
 GAUSS_POINTS = np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]])

@@ -2,22 +2,25 @@
 
 import fcntl
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO
 
+import numpy as np
 from dolfinx import jit
 from mpi4py import MPI
 
-from calfsocket.materials.laws import Ogden
-from calfsocket.materials.tissues import MUSCLE, material_set
-from calfsocket.mechanics.newton import Solver
-from calfsocket.mechanics.problem import Model
+from calfsocket.materials.fields import Kind, kind
+from calfsocket.materials.law import Law
+from calfsocket.materials.material_set import BASE_SETS, MaterialSet
+from calfsocket.materials.tissues import SOCKET
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.newton import Newton
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 
+_INNER, _SKIN, _OUTER = 10.0, 30.0, 32.0
 # The socket overlaps the limb a little, so that contact is compiled as well.
-_LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 30.0), ("skin", 30.0, 32.0)]
 _SOCKET = (31.9, 36.0)
 _TIMEOUT_S = 600
 """How long a rank waits for another to compile; compiling takes some 10 s in all."""
@@ -29,8 +32,8 @@ def cache_folder() -> Path:
     return Path(base) / "calfsocket" / "fenics"
 
 
-def warm(comm: MPI.Comm, ogden_terms: Iterable[int] = (1,)) -> None:
-    """Compile every form that a case needs, unless that was done before (collective).
+def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> None:
+    """Compile every form that cases need, unless that was done before (collective).
 
     Rank 0 compiles, under a lock against other processes of the same user. A form that is found
     half compiled while no other process uses the cache was left by one that was killed, and is
@@ -40,8 +43,9 @@ def warm(comm: MPI.Comm, ogden_terms: Iterable[int] = (1,)) -> None:
     ----------
     comm
         All ranks.
-    ogden_terms
-        Numbers of Ogden terms that the cases' laws have; each has forms of its own.
+    sets
+        Material sets of the cases, the paper's unless given: each kind of law, and the one of the
+        skin's surface, has forms of its own.
     """
     folder = cache_folder()
     jit.DOLFINX_DEFAULT_JIT_OPTIONS["cache_dir"] = (folder, "calfsocket")
@@ -51,10 +55,16 @@ def warm(comm: MPI.Comm, ogden_terms: Iterable[int] = (1,)) -> None:
         with (folder / ".lock").open("a") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             _throw_away_leftovers(folder)
-            for number in sorted(set(ogden_terms)):
-                _use_all_forms(number)
+            for laws in _problems(map(MaterialSet.paper, BASE_SETS) if sets is None else sets):
+                kinds = folder, *map(kind, laws)
+                if kinds not in _compiled:
+                    _use_all_forms(laws)
+                    _compiled.add(kinds)
     comm.Barrier()
 
+
+_compiled: set[tuple[object, ...]] = set()
+"""Folder and kinds of laws for which this process has used all forms."""
 
 _used: dict[Path, IO[str]] = {}
 
@@ -81,14 +91,27 @@ def _throw_away_leftovers(folder: Path) -> None:
     fcntl.flock(_used[folder], fcntl.LOCK_SH)
 
 
-def _use_all_forms(ogden_terms: int) -> None:
-    section = ring_mesh(MPI.COMM_SELF, _LAYERS, _SOCKET, h=4.0)
-    muscle = Ogden(MUSCLE.mu * ogden_terms, MUSCLE.alpha * ogden_terms, MUSCLE.d1)
-    laws = material_set("separate", materials={"muscle": muscle})
-    model = Model(section, {name: laws[name] for name in section.regions})
-    solver = Solver(model)
-    model.contact.load = 0.01
-    solver.solve()
-    model.smallest_volume_ratio()
-    section_fields(model, {name: name for name in section.regions})
-    contact_line(model)
+def _problems(sets: Iterable[MaterialSet]) -> list[list[Law]]:
+    """Laws of a problem for each kind of law that a skin has: the skin's, then one a kind."""
+    every: dict[Kind, Law] = {}
+    skins: dict[Kind, Law] = {}
+    for each in sets:
+        skin = each.laws["skin"]
+        skins[kind(skin)] = skin
+        every |= {kind(law): law for law in (*each.laws.values(), *each.regions.values())}
+    return [[skin, *every.values()] for skin in skins.values()]
+
+
+def _use_all_forms(laws: Sequence[Law]) -> None:
+    """Solve for rings, the outermost of the first law, which the others are within."""
+    skin, *inner = laws
+    radii = np.linspace(_INNER, _SKIN, len(inner) + 1)
+    layers = [(f"layer {i}", *radii[i : i + 2]) for i in range(len(inner))]
+    section = ring_mesh(MPI.COMM_SELF, [*layers, ("skin", _SKIN, _OUTER)], _SOCKET, h=4.0)
+    of_layer = {name: law for (name, *_), law in zip(layers, inner, strict=True)}
+    problem = limb_problem(section, {**of_layer, "skin": skin, "socket": SOCKET})
+    problem.load = 0.01
+    Newton(problem).solve()
+    problem.smallest_volume_ratio()
+    section_fields(problem, {name: "skin" for name in section.regions})
+    contact_line(problem)

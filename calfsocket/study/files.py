@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import check_readable, checked, read_toml
-from calfsocket.materials.entry import entry_of
+from calfsocket.io.schema import check_readable, read_toml
+from calfsocket.materials.file import law_in
 from calfsocket.materials.laws import Law
-from calfsocket.meshes.data import Point
+from calfsocket.meshes.curves import Point
 
 
 class Files:
@@ -46,13 +46,14 @@ class Files:
         """Law of a material file."""
         if name not in self._content:
             self._read(name, read_toml)
-        content = self._content[name]["content"]
-        path = self._folder / name
-        try:
-            model = entry_of(content)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-        return checked(path, content, model).to_law()
+        return law_in(self._folder / name, self._content[name]["content"])
+
+    def laws(self, tables: Mapping[str, Any]) -> dict[str, Law]:
+        """Laws by name, of tables that are laws or name material files."""
+        return {
+            name: table if isinstance(table, Law) else self.law(table.file)
+            for name, table in tables.items()
+        }
 
     def _read(self, name: str, read: Callable[[Path], Any]) -> None:
         if self._recorded is not None:

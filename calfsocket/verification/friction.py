@@ -17,16 +17,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky
-from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
+from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
+from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.verification.report import Check, Figure, Section
+from calfsocket.verification.problems import held_socket
+from calfsocket.verification.report import LOG, Check, Section, curves
+from calfsocket.verification.sampling import Slid, skin_mean, worst
 
 FloatArray = NDArray[np.float64]
 
@@ -50,7 +52,7 @@ class TurnedRing:
         Inner radius without the overclosure, mm.
     overclosure : float
         By which the socket is too small, mm; small, for the linear solutions to be exact.
-    fric_coeff : float
+    friction : float
         Coefficient of friction.
     h : float
         Element side, mm.
@@ -62,7 +64,7 @@ class TurnedRing:
     )
     socket: tuple[float, float, Hencky] = (20.0, 24.0, STIFF)
     overclosure: float = 2e-4
-    fric_coeff: float = 0.4
+    friction: float = 0.4
     h: float = 2.0
 
     @property
@@ -109,7 +111,7 @@ class TurnedRing:
     @property
     def slip_torque(self) -> float:
         """Ms, N mm per mm."""
-        return self.fric_coeff * self.pressure * 2.0 * math.pi * self.radius**2
+        return self.friction * self.pressure * 2.0 * math.pi * self.radius**2
 
     @property
     def slip_turn(self) -> float:
@@ -119,23 +121,22 @@ class TurnedRing:
     def _rings(self) -> list[tuple[float, float, Hencky]]:
         return [(inner, outer, law) for _, inner, outer, law in self.layers] + [self.socket]
 
-    def drive(self, comm: MPI.Comm) -> Drive:
-        """Make the model and press it."""
-        inner, outer, law = self.socket
-        section = ring_mesh(
-            comm,
-            [layer[:3] for layer in self.layers],
-            (inner - self.overclosure, outer),
-            self.h,
-        )
-        laws = {name: law for name, _, _, law in self.layers} | {tags.SOCKET: law}
-        model = DrivenModel(
-            section, laws, ContactParameters(self.fric_coeff), socket_support="outer-fixed"
-        )
-        model.contact.load = 1.0
-        drive = Drive(model)
-        drive.solve()
-        return drive
+    @property
+    def laws(self) -> dict[str, Hencky]:
+        """Law of each region."""
+        return {name: law for name, _, _, law in self.layers} | {tags.SOCKET: self.socket[2]}
+
+    def mesh(self, comm: MPI.Comm) -> SectionMesh:
+        """Mesh the rings."""
+        inner, outer, _ = self.socket
+        layers = [layer[:3] for layer in self.layers]
+        return ring_mesh(comm, layers, (inner - self.overclosure, outer), self.h)
+
+    def pressed(self, comm: MPI.Comm) -> PrescribedMotion:
+        """Make the rings and press them."""
+        motion = held_socket(self.mesh(comm), self.laws, Contact(friction=self.friction))
+        motion.solve()
+        return motion
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class Loop:
     def coulomb(self) -> FloatArray:
         """Relative errors of |torque| against mu p 2 pi r^2 of the present p, slipping steps."""
         at = self._slipping()
-        limit = self.ring.fric_coeff * self.pressure[at] * 2.0 * np.pi * self.ring.radius**2
+        limit = self.ring.friction * self.pressure[at] * 2.0 * np.pi * self.ring.radius**2
         return np.abs(self.torque[at]) / limit - 1.0
 
     @property
@@ -216,7 +217,7 @@ class Loop:
         full = self._slipping() & np.append(False, self._slipping()[:-1])
         full[1:] &= np.sign(self.torque[1:]) == np.sign(self.torque[:-1])
         exact = -self.ring.radius * way[full[1:]]
-        return float(np.abs(self.slip[full] / exact - 1.0).max())
+        return worst(self.slip[full] / exact - 1.0)
 
     def _area(self) -> float:
         ring = self.ring
@@ -236,33 +237,31 @@ CYCLE = (0.5, 1.5, 2.0, 2.5, 1.5, 0.0, -1.0, -2.5, -1.5, 0.0, 1.0, 2.5)
 
 def turn(ring: TurnedRing, turns: Sequence[float] = CYCLE) -> Loop:
     """Turn the socket's outer face to these angles, in units of the turn of first slip."""
-    drive = ring.drive(MPI.COMM_SELF)
-    contact = drive.model.contact
+    motion = ring.pressed(MPI.COMM_SELF)
+    contact = motion.problem.contact
     weight = contact.points.weight
     state = contact.state()
-    rows = [(0.0, 0.0, _mean(state.traction.pressure, weight), 0.0, 0.0)]
+    rows = [(0.0, 0.0, skin_mean(contact, state.traction.pressure), 0.0, 0.0)]
     angle, least = 0.0, 0.0
+    unit = ring.friction * ring.pressure * ring.radius * ring.slip_turn
     for target in turns:
         way = target * ring.slip_turn - angle
-        drive.step([tags.SOCKET], angle=way)
+        motion.step([tags.SOCKET], angle=way)
         angle += way
         before, state = state, contact.state()
-        slid = contact.chain.slip(state.projection.arc, before.projection.arc)
-        work = -state.traction.shear * slid
-        unit = ring.fric_coeff * ring.pressure * ring.radius * ring.slip_turn
-        least = min(least, float(work.min()) / unit)
-        torque = drive.model.reaction(tags.SOCKET_OUTER)[1]
+        slid = Slid.between(contact, before, state)
+        least = min(least, float(slid.work.min()) / unit)
         rows.append(
             (
                 angle,
-                torque,
-                _mean(state.traction.pressure, weight),
-                float(weight @ work),
-                _mean(slid, weight),
+                motion.problem.reaction(tags.SOCKET_OUTER)[1],
+                skin_mean(contact, state.traction.pressure),
+                float(weight @ slid.work),
+                skin_mean(contact, slid.slip),
             )
         )
-    turns_, torque_, pressure, work_, slip = np.array(rows).T
-    return Loop(ring, turns_, torque_, pressure, work_, least, slip)
+    turns_, torque, pressure, work, slip = np.array(rows).T
+    return Loop(ring, turns_, torque, pressure, work, least, slip)
 
 
 @dataclass(frozen=True)
@@ -286,31 +285,24 @@ class RigidTurn:
 
 def rigid_turn(ring: TurnedRing, angle: float) -> RigidTurn:
     """Press the ring, turn the socket until it sticks at half the limit, then turn everything."""
-    drive = ring.drive(MPI.COMM_SELF)
-    drive.step([tags.SOCKET], angle=0.5 * ring.slip_turn)
-    model = drive.model
-    before = model.contact.state()
-    drive.move(list(model.section.regions), angle=angle)
-    residual = drive.solver.x.duplicate()
-    model.residual(drive.solver.x, residual)
-    after = model.contact.state()
+    motion = ring.pressed(MPI.COMM_SELF)
+    motion.step([tags.SOCKET], angle=0.5 * ring.slip_turn)
+    problem = motion.problem
+    before = problem.contact.state()
+    motion.move(list(problem.section.regions), angle=angle)
+    residual = motion.x.duplicate()
+    problem.residual(motion.x, residual)
+    after = problem.contact.state()
     mean = before.traction.pressure.mean()
     change = max(
-        float(np.abs(new - old).max())
-        for new, old in (
-            (after.traction.pressure, before.traction.pressure),
-            (after.traction.shear, before.traction.shear),
-        )
+        worst(getattr(after.traction, name) - getattr(before.traction, name))
+        for name in ("pressure", "shear")
     )
     return RigidTurn(
-        slip=float(np.abs(after.slip - before.slip).max()) / ring.radius,
+        slip=worst(after.slip - before.slip) / ring.radius,
         traction=change / mean,
-        residual=float(np.abs(residual.array).max() / (mean * 2.0 * math.pi * ring.radius)),
+        residual=worst(residual.array) / (mean * 2.0 * math.pi * ring.radius),
     )
-
-
-def _mean(values: FloatArray, weight: FloatArray) -> float:
-    return float(weight @ values / weight.sum())
 
 
 def report() -> Section:
@@ -319,42 +311,45 @@ def report() -> Section:
     slopes = [turn(TurnedRing(h=h), CYCLE[:1]).slope_error for h in sizes]
     loop = turn(TurnedRing())
     rigid = rigid_turn(TurnedRing(), 0.7)
-    ring = loop.ring
-
-    def hysteresis(axes: Axes) -> None:
-        exact = np.array([(0, 0), (1, 1), (2.5, 1), (0.5, -1), (-2.5, -1), (-0.5, 1), (2.5, 1)])
-        axes.plot(*exact.T, "k-", lw=1, label="exact")
-        axes.plot(loop.turn / ring.slip_turn, loop.torque / ring.slip_torque, "o", label="computed")
-        axes.set(xlabel="turn / turn of first slip", ylabel="torque / (mu p 2 pi r^2)")
-        axes.legend()
-
-    def convergence(axes: Axes) -> None:
-        axes.loglog(sizes, np.abs(slopes), "o-", label="elastic slope")
-        axes.loglog(sizes, abs(slopes[0]) * (np.array(sizes) / sizes[0]) ** 2, "k--", label="h^2")
-        axes.set(xlabel="element side, mm", ylabel="relative error")
-        axes.legend()
-
+    ring, area = loop.ring, "4 Ms (phi_max - Ms C)"
+    exact = np.array([(0, 0), (1, 1), (2.5, 1), (0.5, -1), (-2.5, -1), (-0.5, 1), (2.5, 1)])
+    square = abs(slopes[0]) * (np.array(sizes) / sizes[0]) ** 2
     return Section(
         title="Friction: a socket turned on a limb",
         text=__doc__ or "",
         checks=[
-            Check("elastic slope of the torque", loop.slope_error, 1e-3, "", TORSION),
-            Check("contact pressure", loop.pressure_error, 1e-3, "", LAME),
-            Check("plateau of the torque", _worst(loop.plateau()), 1e-3, "", LAME),
-            Check("area of the cycle", loop.area_error, 1e-3, "", "4 Ms (phi_max - Ms C)"),
-            Check("work of friction", loop.dissipation_error, 1e-3, "", "4 Ms (phi_max - Ms C)"),
-            Check("work of friction, negative part", loop.least_work, 1e-4, "", "second law"),
-            Check("slip of a turn while slipping", loop.slip_error, 1e-3, "", "r times the turn"),
-            Check("slip of a rigid turn of both bodies", rigid.slip, 1e-12, "", "objectivity"),
-            Check("traction changed by a rigid turn", rigid.traction, 1e-6, "", "objectivity"),
-            Check("residual of a rigid turn", rigid.residual, 1e-6, "", "objectivity"),
+            Check("elastic slope of the torque", loop.slope_error, 1e-3, TORSION),
+            Check("contact pressure", loop.pressure_error, 1e-3, LAME),
+            Check("plateau of the torque", worst(loop.plateau()), 1e-3, LAME),
+            Check("area of the cycle", loop.area_error, 1e-3, area),
+            Check("work of friction", loop.dissipation_error, 1e-3, area),
+            Check("work of friction, negative part", loop.least_work, 1e-4, "second law"),
+            Check("slip of a turn while slipping", loop.slip_error, 1e-3, "r times the turn"),
+            Check("slip of a rigid turn of both bodies", rigid.slip, 1e-12, "objectivity"),
+            Check("traction changed by a rigid turn", rigid.traction, 1e-6, "objectivity"),
+            Check("residual of a rigid turn", rigid.residual, 1e-6, "objectivity"),
         ],
         figures=[
-            Figure("friction_loop", hysteresis, "Torque of a socket turned to and fro."),
-            Figure("friction_slope", convergence, "Error of the elastic slope."),
+            curves(
+                "friction_loop",
+                "Torque of a socket turned to and fro.",
+                "turn / turn of first slip",
+                "torque / (mu p 2 pi r^2)",
+                [
+                    (*exact.T, "k-", "exact"),
+                    (loop.turn / ring.slip_turn, loop.torque / ring.slip_torque, "o", "computed"),
+                ],
+            ),
+            curves(
+                "friction_slope",
+                "Error of the elastic slope.",
+                "element side, mm",
+                "relative error",
+                [
+                    (sizes, np.abs(slopes), "o-", "elastic slope"),
+                    (sizes, square, "k--", "h^2"),
+                ],
+                **LOG,
+            ),
         ],
     )
-
-
-def _worst(values: FloatArray) -> float:
-    return float(np.abs(values).max())

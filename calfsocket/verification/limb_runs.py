@@ -9,14 +9,14 @@ import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.simulation.case import Case, Settings
 from calfsocket.study.study import RUN_FILE, Study, check_folder, run_study
 
 
 def solved_study(
-    folder: Path, settings: Settings, material_sets: Sequence[MaterialSet] = MATERIAL_SETS
+    folder: Path, settings: Settings, material_sets: Sequence[BaseSet] = BASE_SETS
 ) -> Path:
     """Make sure that a folder holds the cases of all sockets, and return it.
 
@@ -37,11 +37,11 @@ def solved_study(
     InputError
         If the folder holds results that were made with other inputs.
     """
-    sockets = load_sockets()
+    sockets = reference_sockets()
     study = Study(
-        cases=tuple(Case(s, name) for s in sockets.sockets for name in material_sets),
+        cases=tuple(Case(s, name) for s in sockets for name in material_sets),
         settings=settings,
-        limb=load_limb(),
+        limb=Limb.reference(),
         sockets=sockets,
         out=folder,
         pictures=False,

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from calfsocket.materials.tissues import MATERIAL_SETS, MaterialSet
+from calfsocket.materials.material_set import BASE_SETS, BaseSet
 from calfsocket.simulation.case import Settings
 from calfsocket.verification.limb_runs import solved_study, summary
 
-VARIANTS: dict[str, tuple[dict[str, str], tuple[MaterialSet, ...]]] = {
-    "as-printed": ({"ogden_form": "as-printed"}, MATERIAL_SETS),
+VARIANTS: dict[str, tuple[dict[str, str], tuple[BaseSet, ...]]] = {
+    "as-printed": ({"ogden_form": "as-printed"}, BASE_SETS),
     "tables": ({"fascia_c10": "tables"}, ("separate",)),
 }
 """Settings that differ from the study's, and the material sets that they change."""
@@ -42,7 +42,7 @@ def comparison(folders: Mapping[str, Path]) -> pd.DataFrame:
         for (socket, material_set), part in summary(folder).groupby(
             ["socket", "material_set"], sort=False
         ):
-            value = part.set_index(["tissue", "outcome"])["value"]
+            value = part.set_index(["tissue", "quantity"])["value"]
             shown = {column: float(value[key]) for column, key in SHOWN.items()}
             rows.append({"case": f"{socket}_{material_set}", "variant": name, **shown})
     table = pd.DataFrame(rows)

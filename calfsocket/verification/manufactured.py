@@ -2,8 +2,8 @@ r"""Manufactured solutions on curved triangles.
 
 **Manufactured solutions.** On a quarter ring of curved triangles a displacement of sines is held at
 the inner arc, and the body force and tractions that it needs are applied; they are made from
-`closed_forms` by a complex step. The displacement is a shear along y after one along x, which keeps
-every volume; for the compressible law a swelling is added.
+`Law.kirchhoff` by a complex step. The displacement is a shear along y after one along x, which
+keeps every volume; for the compressible law a swelling is added.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from calfsocket.materials.closed_forms import closed_kirchhoff
 from calfsocket.materials.laws import Law
 from calfsocket.materials.tissues import FASCIA, SKIN
+from calfsocket.mechanics.constraints import Constraint
+from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes.distributed import SectionMesh
-from calfsocket.verification.body import Body, at_points
-from calfsocket.verification.report import Check, Figure
+from calfsocket.verification.problems import solved
+from calfsocket.verification.report import LOG, Check, Figure, curves
+from calfsocket.verification.sampling import at_points
 from calfsocket.verification.strips import INNER, LEFT, OUTER, quarter_ring
 
 FloatArray = NDArray[np.float64]
@@ -90,7 +91,7 @@ def nominal_stress(exact: Manufactured, x: Array) -> Array:
     r"""P = tau F^-T at positions, MPa; (2, 2, n).
 
     In the plane tau = beta b + eta I with b = F F^T, so that it has the principal values that
-    `closed_kirchhoff` gives; these, by the trace and determinant of b, are analytic, which the
+    `Law.kirchhoff` gives; these, by the trace and determinant of b, are analytic, which the
     complex step in `body_force` needs.
     """
     G = exact.gradient(x)
@@ -99,7 +100,7 @@ def nominal_stress(exact: Manufactured, x: Array) -> Array:
     b = np.einsum("ik...,jk...->ij...", F, F)
     half, root = 0.5 * (b[0, 0] + b[1, 1]), np.sqrt(0.25 * (b[0, 0] - b[1, 1]) ** 2 + b[0, 1] ** 2)
     squared = np.array([half + root, J**2 / (half + root)])
-    tau = closed_kirchhoff(exact.law, np.array([*np.sqrt(squared), np.ones_like(J)]))
+    tau = exact.law.kirchhoff(np.array([*np.sqrt(squared), np.ones_like(J)]))
     beta = (tau[0] - tau[1]) / (2.0 * root)
     eta = tau[0] - beta * squared[0] + J * exact.pressure(x)
     cofactor = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
@@ -172,16 +173,14 @@ def manufactured_error(exact: Manufactured, section: SectionMesh, held: str) -> 
         ) * ufl.ds(domain, metadata=rule)
 
     (region,) = section.regions
-    body = Body(
-        section,
-        {region: exact.law},
-        [(held, c, exact.displacement) for c in range(2)],
-        loads=loads,
-    )
+    constraint = Constraint(held, values=exact.displacement)
+    problem = Problem(section, {region: exact.law}, [constraint], [loads])
     # Loads grown in proportion need not lead there, so the solution is looked for where it is.
-    body.start_from(exact.displacement, exact.pressure)
-    body.solve()
-    at = at_points(body)
+    scale = exact.law.initial_shear_modulus
+    problem.w.sub(0).interpolate(lambda x: exact.displacement(x[:2]))
+    problem.w.sub(1).interpolate(lambda x: exact.pressure(x[:2]) / scale)
+    solved(problem)
+    at = at_points(section, problem.w, problem.fields)
     G = exact.gradient(at.x)
 
     def norm(values: Array) -> float:
@@ -219,9 +218,8 @@ def checks(convergences: Mapping[str, Convergence]) -> list[Check]:
             f"{name}: order of {norm}",
             result.rate(norm),
             least,
-            "",
             "manufactured solution",
-            "at least",
+            rule="at least",
         )
         for name, result in convergences.items()
         for norm, least in RATES.items()
@@ -230,14 +228,10 @@ def checks(convergences: Mapping[str, Convergence]) -> list[Check]:
 
 def figure(convergences: Mapping[str, Convergence]) -> Figure:
     """Plot the errors over the element size."""
-
-    def draw(axes: Axes) -> None:
-        for (name, result), style in zip(convergences.items(), ("o-", "s--"), strict=True):
-            for k, norm in enumerate(RATES):
-                axes.loglog(
-                    result.h, result.errors[norm], style, color=f"C{k}", label=f"{name}, {norm}"
-                )
-        axes.set(xlabel="element size, mm", ylabel="relative error")
-        axes.legend(fontsize="small")
-
-    return Figure("element_rates", draw, "Manufactured solutions on curved triangles.")
+    lines = [
+        (result.h, result.errors[norm], f"{style}C{k}", f"{name}, {norm}")
+        for (name, result), style in zip(convergences.items(), ("o-", "s--"), strict=True)
+        for k, norm in enumerate(RATES)
+    ]
+    caption = "Manufactured solutions on curved triangles."
+    return curves("element_rates", caption, "element size, mm", "relative error", lines, **LOG)

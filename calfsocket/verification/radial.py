@@ -10,8 +10,8 @@ socket's, and the deformed radii agree up to the share of the overclosure that i
 The innermost circle is held, the socket's outer face free; friction has no part, for nothing moves
 around.
 
-Everything comes from `closed_forms` (principal stretches, numpy), by collocation with one Chebyshev
-polynomial a ring; nothing from UFL or the finite elements.
+Everything comes from `Law.energy` and `Law.kirchhoff` (principal stretches, numpy), by collocation
+with one Chebyshev polynomial a ring; nothing from UFL or the finite elements.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
 
 from calfsocket.io.errors import CalfsocketError
-from calfsocket.materials.closed_forms import closed_energy, closed_kirchhoff
 from calfsocket.materials.laws import Law
 
 FloatArray = NDArray[np.float64]
@@ -128,23 +127,23 @@ class RingLaw:
 
     def cauchy(self, nominal: Array, radial: Array, hoop: Array) -> FloatArray:
         """Cauchy stress in MPa, radial, hoop and axial; (3, n)."""
-        tau = closed_kirchhoff(self.law, _principal(radial, hoop))
+        tau = self.law.kirchhoff(_principal(radial, hoop))
         return np.asarray((nominal * radial + tau - tau[0]) / (radial * hoop), dtype=float)
 
     def energy(self, radial: Array, hoop: Array) -> FloatArray:
         """Return the stored energy per reference volume, MPa; (n,)."""
-        energy = closed_energy(self.law, _principal(radial, hoop))
+        energy = self.law.energy(_principal(radial, hoop))
         if not self.incompressible:
             energy = energy + 0.5 * self.law.bulk_modulus * (radial * hoop - 1.0) ** 2
         return np.asarray(energy, dtype=float)
 
     def _nominal_radial(self, radial: Array, hoop: Array) -> Array:
         J = radial * hoop
-        tau = closed_kirchhoff(self.law, _principal(radial, hoop))
+        tau = self.law.kirchhoff(_principal(radial, hoop))
         return np.asarray((tau[0] + J * self.law.bulk_modulus * (J - 1.0)) / radial)
 
     def _nominal_hoop(self, nominal: Array, radial: Array, hoop: Array) -> Array:
-        tau = closed_kirchhoff(self.law, _principal(radial, hoop))
+        tau = self.law.kirchhoff(_principal(radial, hoop))
         return np.asarray((nominal * radial - tau[0] + tau[1]) / hoop)
 
 

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigvalsh
 
-from calfsocket.materials.closed_forms import closed_kirchhoff
 from calfsocket.materials.laws import Law
 from calfsocket.verification.radial import RadialSolution, Ring, exact_ring
 
@@ -147,7 +146,7 @@ def _moduli(law: Law, radial: FloatArray, hoop: FloatArray) -> tuple[Array, Arra
 
     def first(radial: Array, hoop: Array) -> Array:
         stretches = np.array([radial, hoop, np.ones_like(radial)])
-        return np.asarray((closed_kirchhoff(law, stretches) / stretches)[:2])
+        return np.asarray((law.kirchhoff(stretches) / stretches)[:2])
 
     step = 1e-30j
     H = np.array(

@@ -4,9 +4,9 @@
  * pressure at the 3 vertices. The pressures are taken as p0 everywhere (its "constant") and the
  * differences p1 - p0 and p2 - p0.
  *
- * The laws are in UFL (forms/mixed.py; law_kernels.py). Their "stresses" at a point are P11, P12,
- * P21, P22 and the volumetric residual; their "moduli" the upper triangle of the derivative of
- * these by F11, F12, F21, F22 and the pressure unknown.
+ * The law is in UFL (forms/mixed.py; laws.py). Its "stresses" at a point are P11, P12, P21, P22 and
+ * the volumetric residual; its "moduli" the upper triangle of the derivative of these by F11, F12,
+ * F21, F22 and the pressure unknown.
  */
 
 #ifndef CALFSOCKET_CELLS_H
@@ -128,14 +128,14 @@ INLINE void gradients(const reference_element *at, const cell_state *s, int q, e
 }
 
 /* Residual of one element: the stresses on the gradients of its shape functions. */
-VECTORISED static void element_residual(const tissue *t, int law, int cell, element_vector *r)
+VECTORISED static void element_residual(const tissue *t, int cell, element_vector *r)
 {
     const reference_element *at = t->element;
     cell_state s;
     vector P[PARTS][STRESSES];
     evaluate(t, cell, &s);
     for (int h = 0; h < PARTS; ++h) {
-        stresses[law](s.arguments[h], P[h]);
+        stresses(s.arguments[h], P[h]);
         for (int k = 0; k < STRESSES; ++k)
             P[h][k] *= s.weight.part[h];
     }
@@ -169,7 +169,7 @@ VECTORISED static void element_residual(const tissue *t, int law, int cell, elem
 }
 
 /* Tangent of one element: the moduli between the gradients of its shape functions. */
-VECTORISED static void element_tangent(const tissue *t, int law, int cell, element_matrix *A)
+VECTORISED static void element_tangent(const tissue *t, int cell, element_matrix *A)
 {
     const reference_element *at = t->element;
     cell_state s;
@@ -177,7 +177,7 @@ VECTORISED static void element_tangent(const tissue *t, int law, int cell, eleme
     eight gx[POINTS], gy[POINTS], left[POINTS][6];
     evaluate(t, cell, &s);
     for (int h = 0; h < PARTS; ++h) {
-        moduli[law](s.arguments[h], moduli_at[h]);
+        moduli(s.arguments[h], moduli_at[h]);
         for (int k = 0; k < MODULI; ++k)
             moduli_at[h][k] *= s.weight.part[h];
     }

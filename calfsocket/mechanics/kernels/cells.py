@@ -1,6 +1,5 @@
 """What the loops over cells in C need of the element and of the laws, as plain arrays."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import basix
@@ -9,7 +8,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
-from calfsocket.forms.mixed import LAW_IDS, LawFields
+from calfsocket.materials.fields import LawFields
 from calfsocket.mechanics.kernels import library as native
 from calfsocket.mechanics.kernels.laws import parameter_list
 
@@ -70,40 +69,42 @@ class CellLoops:
     w : fem.Function
         Displacement (mm) and scaled pressure in the space of `forms.element.section_element`.
     fields : LawFields
-        Parameters of the laws, DG0 functions.
-    law_cells : mapping of law to (n,) int
-        Owned cells of each of `mixed.LAW_IDS`: each cell once.
+        The laws.
     bedding : (fem.Function, fem.Function), optional
         Stiffness of a bedding in each cell (DG0, N/mm^3), and where it is at rest (in w's space).
 
     Attributes
     ----------
     library : native.Library
-        The compiled functions, those for such laws.
+        Compiled functions, those that need no law among them.
     """
 
     def __init__(
         self,
         w: fem.Function,
         fields: LawFields,
-        law_cells: Mapping[str, IntArray],
         bedding: tuple[fem.Function, fem.Function] | None = None,
     ) -> None:
         V = w.function_space
-        self.library = native.library(V.mesh.comm, len(fields.ogden_mu))
-        self._laws = [
-            (number, np.ascontiguousarray(law_cells[law], dtype=np.int32))
-            for number, law in enumerate(LAW_IDS)
-        ]
-        self._w, self._bedding, self._parameters = w, bedding, parameter_list(fields)
+        self._w, self._bedding = w, bedding
         self._element = reference_element(V)
-        self._addresses = np.array(
-            [
+        self._laws = []
+        for tag, material in fields.materials.items():
+            kind = material.law_form, len(material.coefficients)
+            cells = fields.tags.find(tag)
+            addresses = [
                 (f.x.array.ctypes.data, f.function_space.dofmap.list.ctypes.data)
-                for f in self._parameters
-            ],
-            dtype=np.int64,
-        )
+                for f in parameter_list(material)
+            ]
+            self._laws.append(
+                (
+                    native.library(V.mesh.comm, kind),
+                    cells[cells < V.mesh.topology.index_map(2).size_local],
+                    np.array(addresses, dtype=np.int64),
+                )
+            )
+        self.library = self._laws[0][0]
+        self._fields = fields  # whose arrays the addresses are
 
     def add_residuals(self, values: FloatArray) -> None:
         """Add the part of the owned cells to all local unknowns, ghosts included; N/mm."""
@@ -127,10 +128,9 @@ class CellLoops:
             bedding = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
             anchor = at_rest.x.array
         geometry = V.mesh.geometry
-        for law, cells in self._laws:
-            self.library.call(
+        for library, cells, addresses in self._laws:
+            library.call(
                 name,
-                law,
                 len(cells),
                 cells,
                 self._element,
@@ -138,7 +138,7 @@ class CellLoops:
                 geometry.dofmap,
                 self._w.x.array,
                 V.dofmap.list,
-                self._addresses,
+                addresses,
                 bedding,
                 anchor,
                 *arguments,

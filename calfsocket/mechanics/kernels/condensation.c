@@ -120,8 +120,8 @@ INLINE void add(double value, int32_t position, double *values)
         values[position] += value;
 }
 
-/* Tangents of n cells of a law, added to the matrix's values. */
-void add_tangents(int law, int n, const int32_t *cells, const double *element, const double *x,
+/* Tangents of n cells, added to the matrix's values. */
+void add_tangents(int n, const int32_t *cells, const double *element, const double *x,
                   const int32_t *nodes, const double *unknowns, const int32_t *dofs,
                   const int64_t *parameters, const double *bedding,
                   const double *anchor, const uint8_t *keeps_constant, const int32_t *positions,
@@ -134,7 +134,7 @@ void add_tangents(int law, int n, const int32_t *cells, const double *element, c
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
         element_matrix A;
         condensed_matrix S;
-        element_tangent(&t, law, cell, &A);
+        element_tangent(&t, cell, &A);
         eliminate(&A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
                   coupling + (size_t)cell * INSIDE * OUTSIDE, &S);
         for (int c = 0; c < 2; ++c)

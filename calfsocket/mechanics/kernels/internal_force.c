@@ -2,8 +2,8 @@
 
 #include "cells.h"
 
-/* Residuals of n cells of a law, added to the values of their unknowns. */
-void add_residuals(int law, int n, const int32_t *cells, const double *element, const double *x,
+/* Residuals of n cells, added to the values of their unknowns. */
+void add_residuals(int n, const int32_t *cells, const double *element, const double *x,
                    const int32_t *nodes, const double *unknowns, const int32_t *dofs,
                    const int64_t *parameters, const double *bedding,
                    const double *anchor, double *values)
@@ -13,7 +13,7 @@ void add_residuals(int law, int n, const int32_t *cells, const double *element, 
     for (int i = 0; i < n; ++i) {
         const int32_t *dof = dofs + (size_t)cells[i] * UNKNOWNS;
         element_vector r;
-        element_residual(&t, law, cells[i], &r);
+        element_residual(&t, cells[i], &r);
         for (int a = 0; a < SHAPES; ++a)
             for (int c = 0; c < 2; ++c)
                 values[dof[2 * a + c]] += r.displacement.component[c].at[a];

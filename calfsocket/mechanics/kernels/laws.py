@@ -1,4 +1,4 @@
-"""The laws in C: FFCx's code for stresses and moduli, taken for four points at a time.
+"""A law in C: FFCx's code for its stresses and moduli, taken for four points at a time.
 
 A law at a point is a function of its deformation gradient, its pressure and its parameters. FFCx
 writes it for a `double`; the same lines do for a vector of them (vectors.h), which a compiler
@@ -6,91 +6,88 @@ cannot find out by itself where they stand in a loop over points.
 """
 
 import re
-from dataclasses import fields
 from typing import Any
 
 import basix.ufl
 import ffcx.compiler
+import ffcx.naming
 import ffcx.options
 import numpy as np
 import ufl
 
 from calfsocket.forms import mixed
+from calfsocket.materials.fields import Kind
 
 _FUNCTIONS = ("sqrt", "exp", "log", "pow")  # as vectors.h has them
+_POINT = np.array([[1 / 3, 1 / 3]])
 
 
-def parameter_list(parameters: mixed.LawFields) -> list[Any]:
-    """Return all parameters of the laws, in one order."""
-    values = [getattr(parameters, field.name) for field in fields(parameters)]
-    return [one for value in values for one in (value if isinstance(value, tuple) else (value,))]
+def parameter_list(material: mixed.Material) -> list[Any]:
+    """All parameters of a material, in the order in which the functions in C take them."""
+    return [*material.coefficients, material.inverse_bulk, material.pressure_scale]
 
 
-def source(ogden_terms: int) -> str:
-    """Write C functions of (const vector *arguments, vector *values), two for each law.
-
-    `stresses[law]` and `moduli[law]` have their addresses, law counted as in `mixed.LAW_IDS`. The
-    ARGUMENTS are F11, F12, F21, F22, the pressure unknown, and all parameters.
+class LawKernel:
+    """The functions of a law in UFL and in C.
 
     Parameters
     ----------
-    ogden_terms : int
-        Number of terms that Ogden's law has.
+    kind : Kind
+        Its form and the number of its coefficients.
     """
-    domain = ufl.Mesh(basix.ufl.element("P", "triangle", 1, shape=(2,)))
 
-    def scalars(n: int) -> list[Any]:
-        return [ufl.Constant(domain) for _ in range(n)]
-
-    F, (p_dof,) = ufl.Constant(domain, shape=(2, 2)), scalars(1)
-    names = [field.name for field in fields(mixed.LawFields)]
-    parameters = mixed.LawFields(
-        **{
-            name: tuple(scalars(ogden_terms)) if name.startswith("ogden") else scalars(1)[0]
-            for name in names
+    def __init__(self, kind: Kind) -> None:
+        form, size = kind
+        domain = ufl.Mesh(basix.ufl.element("P", "triangle", 1, shape=(2,)))
+        F = ufl.Constant(domain, shape=(2, 2))
+        p_dof, *parameters = (ufl.Constant(domain) for _ in range(size + 3))
+        material = mixed.Material(form, tuple(parameters[:size]), *parameters[size:])
+        self._arguments = [F, p_dof, *parameter_list(material)]
+        p = mixed.pressure(p_dof, material.pressure_scale)
+        self._functions = {
+            function.__name__: function(material, F, p)
+            for function in (mixed.stresses, mixed.moduli)
         }
-    )
-    arguments = [F, p_dof, *parameter_list(parameters)]
-    p = mixed.pressure(p_dof, parameters)
-    parts = []
-    for quantity in (mixed.stresses, mixed.moduli):
-        table = []
-        for law in mixed.LAW_IDS:
-            name = f"{law}_{quantity.__name__}"
-            expression = quantity(law, F, p, parameters)
-            parts.append(_function(name, expression, arguments))
-            table.append(name)
-        parts.append(
-            f"static void (*const {quantity.__name__}[])(const vector *, vector *) = "
-            f"{{{', '.join(table)}}};\n"
+
+    @property
+    def signature(self) -> str:
+        """Hash of the expressions, the same in every process: it knows what the form calls, too."""
+        expressions = [(expression, _POINT) for expression in self._functions.values()]
+        return ffcx.naming.compute_signature(expressions, str(list(map(_size, self._arguments))))
+
+    def source(self) -> str:
+        """Write `stresses` and `moduli`, C functions of (const vector *arguments, vector *values).
+
+        The ARGUMENTS are F11, F12, F21, F22, the pressure unknown, and all parameters.
+        """
+        count = sum(map(_size, self._arguments))
+        head = f'#include "vectors.h"\n\nenum {{ ARGUMENTS = {count} }};\n'
+        functions = self._functions.items()
+        return "\n".join([head, *(self._function(name, each) for name, each in functions)])
+
+    def _function(self, name: str, expression: Any) -> str:
+        """Write one function, with FFCx's lines as its body."""
+        _, code = ffcx.compiler.compile_ufl_objects(
+            [(expression, _POINT)], options=ffcx.options.get_options({"scalar_type": "float64"})
         )
-    count = sum(map(_size, arguments))
-    head = f'#include "vectors.h"\n\nenum {{ ARGUMENTS = {count} }};\n'
-    return "\n".join([head, *parts])
-
-
-def _function(name: str, expression: Any, arguments: list[Any]) -> str:
-    """Write one function, with FFCx's lines as its body."""
-    _, code = ffcx.compiler.compile_ufl_objects(
-        [(expression, np.array([[1 / 3, 1 / 3]]))],
-        options=ffcx.options.get_options({"scalar_type": "float64"}),
-    )
-    match = re.search(
-        r"void tabulate_tensor_expression_\w+\([^)]*\)\n(\{.*?\n\}\n\n\})\n", code, re.S
-    )
-    assert match is not None
-    # FFCx counts only what the law needs.
-    first = np.concatenate([[0], np.cumsum([_size(argument) for argument in arguments])])
-    position = [
-        first[arguments.index(used)] + i
-        for used in ufl.algorithms.analysis.extract_constants(expression)
-        for i in range(_size(used))
-    ]
-    body = re.sub(r"\bc\[(\d+)\]", lambda m: f"c[{position[int(m[1])]}]", match[1])
-    body = re.sub(r"\bdouble\b", "vector", body)
-    body = re.sub(rf"\b({'|'.join(_FUNCTIONS)})\(", r"vector_\1(", body)
-    body = body.replace("] += ", "] = ")  # one point: nothing is there yet
-    return f"VECTORISED static void {name}(const vector *restrict c, vector *restrict A)\n{body}\n"
+        match = re.search(
+            r"void tabulate_tensor_expression_\w+\([^)]*\)\n(\{.*?\n\}\n\n\})\n", code, re.S
+        )
+        assert match is not None
+        # FFCx counts only what the law needs.
+        first = np.concatenate([[0], np.cumsum([_size(each) for each in self._arguments])])
+        position = [
+            first[self._arguments.index(used)] + i
+            for used in ufl.algorithms.analysis.extract_constants(expression)
+            for i in range(_size(used))
+        ]
+        body = re.sub(r"\bc\[(\d+)\]", lambda m: f"c[{position[int(m[1])]}]", match[1])
+        body = re.sub(r"\bdouble\b", "vector", body)
+        body = re.sub(rf"\b({'|'.join(_FUNCTIONS)})\(", r"vector_\1(", body)
+        body = body.replace("] += ", "] = ")  # one point: nothing is there yet
+        return (
+            f"VECTORISED static void {name}(const vector *restrict c, vector *restrict A)\n{body}\n"
+        )
 
 
 def _size(constant: Any) -> int:

@@ -1,8 +1,11 @@
-"""The laws and the loops over cells in C: compiled once by cffi, as the forms are by FFCx."""
+"""The loops over cells in C: compiled once a law by cffi, as the forms are by FFCx.
+
+A law of another kind has a library of its own, so that a problem uses those of its laws, whatever
+laws others have.
+"""
 
 import hashlib
 import importlib.util
-import inspect
 import os
 import re
 import sysconfig
@@ -17,13 +20,11 @@ import numpy as np
 from dolfinx import jit
 from mpi4py import MPI
 
-from calfsocket.forms import hencky, kinematics, mixed, ogden, yeoh
-from calfsocket.mechanics.kernels import laws as law_kernels
+from calfsocket.materials.fields import Kind
+from calfsocket.mechanics.kernels.laws import LawKernel
 
 FOLDER = Path(__file__).parent
 SOURCES = ("vectors.h", "cells.h", "internal_force.c", "condensation.c")
-# What the laws are made of.
-LAW_SOURCES = (law_kernels, mixed, hencky, ogden, yeoh, kinematics)
 # Unlike -ffast-math these keep NaN, which tells a step that overshot.
 COMPILE_ARGUMENTS = [
     "-O3",
@@ -71,22 +72,21 @@ class Library:
         return self._ffi.from_buffer(_C_TYPES[argument.dtype], argument)
 
 
-def library(comm: MPI.Comm, ogden_terms: int) -> Library:
-    """Return the compiled functions of the C files, for laws of so many terms (collective)."""
-    return Library(jit.mpi_jit_decorator(_module)(comm, ogden_terms))
+def library(comm: MPI.Comm, kind: Kind) -> Library:
+    """Return the compiled functions of the C files for a kind of law (collective)."""
+    return Library(jit.mpi_jit_decorator(_module)(comm, kind))
 
 
 @cache
-def _module(ogden_terms: int) -> Any:
-    texts = [(FOLDER / name).read_text(encoding="utf-8") for name in SOURCES]
-    laws = [inspect.getsource(module) for module in LAW_SOURCES]
-    versions = [ffcx.__version__, str(ogden_terms)]
-    key = hashlib.sha256(" ".join(texts + laws + versions + COMPILE_ARGUMENTS).encode())
-    name = f"calfsocket_cells_{key.hexdigest()[:16]}"
+def _module(kind: Kind) -> Any:
+    kernel = LawKernel(kind)
+    files = [(FOLDER / name).read_text(encoding="utf-8") for name in (*SOURCES, "laws.py")]
+    parts = [*files, kernel.signature, ffcx.__version__, *COMPILE_ARGUMENTS]
+    name = f"calfsocket_cells_{hashlib.sha256(' '.join(parts).encode()).hexdigest()[:16]}"
     cache_dir = Path(jit.get_options()["cache_dir"])
     target = cache_dir / (name + sysconfig.get_config_var("EXT_SUFFIX"))
     if not target.exists():
-        _compile(name, law_kernels.source(ogden_terms), "\n".join(texts), target)
+        _compile(name, kernel.source(), "\n".join(files[:-1]), target)
     spec = importlib.util.spec_from_file_location(name, target)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -94,13 +94,13 @@ def _module(ogden_terms: int) -> Any:
     return module
 
 
-def _compile(name: str, laws: str, source: str, target: Path) -> None:
+def _compile(name: str, law: str, source: str, target: Path) -> None:
     """Compile beside the target and move it there: a process that looks finds it whole."""
     builder = cffi.FFI()
     builder.cdef("\n".join(_prototypes(source)))
     builder.set_source(
         name,
-        "\n".join([laws, *(f'#include "{file}"' for file in SOURCES)]),
+        "\n".join([law, *(f'#include "{file}"' for file in SOURCES)]),
         include_dirs=[str(FOLDER)],
         extra_compile_args=COMPILE_ARGUMENTS,
     )

@@ -1,0 +1,115 @@
+"""What a fit's user should know before its numbers are used, in plain sentences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import stats
+
+from calfsocket.fit.regression import LEVEL, Fit
+from calfsocket.fit.stability import StableRange
+
+CONDITION_LIMIT = 1e6
+"""Condition number above which terms do each other's work: variances go with its square, so that
+twelve of their sixteen digits are lost."""
+
+
+def diagnostics(fit: Fit, stable: list[StableRange]) -> list[str]:
+    """Return sentences about what the data do not determine and where the law is not stable."""
+    return [
+        *_searches(fit),
+        *_misfit(fit),
+        *_patterns(fit),
+        *_parameters(fit),
+        *_stability(fit, stable),
+    ]
+
+
+def _searches(fit: Fit) -> list[str]:
+    found = []
+    if fit.unconverged:
+        found.append(
+            f"{fit.unconverged} of {fit.searches} searches, each from other exponents, did not "
+            "converge."
+        )
+    if len(fit.minima) > 1:
+        sets = [fit.family.split(minimum.parameters)[1] for minimum in fit.minima]
+        ranges = [
+            f"{name} {_either(values)}"
+            for name, values in zip(fit.family.exponents, zip(*sets, strict=True), strict=True)
+        ]
+        found.append(
+            f"{len(fit.minima)} sets of parameters fit as well as the noise can tell "
+            f"({', '.join(ranges)}); the one of the smallest residual is given."
+        )
+    if fit.condition > CONDITION_LIMIT:
+        found.append(
+            f"Terms do each other's work (condition number {fit.condition:.0e}); take fewer."
+        )
+    return found
+
+
+def _misfit(fit: Fit) -> list[str]:
+    if fit.chi_squared is None:
+        return []
+    if fit.chi_squared <= stats.chi2.ppf(LEVEL, fit.degrees_of_freedom):
+        return []
+    return [
+        f"Residuals are larger than stress_sd explains (chi-squared {fit.chi_squared:.3g} for "
+        f"{fit.degrees_of_freedom} degrees of freedom); intervals are too narrow."
+    ]
+
+
+def _patterns(fit: Fit) -> list[str]:
+    """Find residuals that follow each other along the stretch, as noise would not.
+
+    The squared differences of successive residuals of noise have a sum of twice that of the squared
+    residuals, give or take 2/sqrt(n) of it (von Neumann 1941, doi:10.1214/aoms/1177731677).
+    """
+    found = []
+    for test in fit.tests:
+        fitted = fit.family.stress(fit.parameters, test.mode, test.stretch)
+        residual = fitted - test.stress
+        ratio = np.sum(np.diff(residual) ** 2) / np.sum(residual**2)
+        if (2 - ratio) * np.sqrt(len(residual)) / 2 > stats.norm.ppf(LEVEL):
+            found.append(
+                f"The residuals of {test.path.name} follow a pattern: the law has another shape "
+                "than the data, and intervals are too narrow."
+            )
+    return found
+
+
+def _either(values: Sequence[float]) -> str:
+    if len(values) == 2:
+        return " or ".join(f"{value:.3g}" for value in values)
+    return f"{min(values):.3g} to {max(values):.3g}"
+
+
+def _parameters(fit: Fit) -> list[str]:
+    names = np.array(fit.family.names)
+    found = []
+    if fit.at_bound.any():
+        found.append(
+            f"At a bound, and so without an interval: {', '.join(names[fit.at_bound])}; "
+            "take fewer terms."
+        )
+    with np.errstate(invalid="ignore"):
+        loose = np.abs(fit.parameters) < fit.half_widths()
+    if loose.any():
+        found.append(
+            f"Not determined, since the {LEVEL:.0%} interval holds 0: {', '.join(names[loose])}."
+        )
+    return found
+
+
+def _stability(fit: Fit, stable: list[StableRange]) -> list[str]:
+    found = []
+    for test in fit.tests:
+        tested = next(r for r in stable if r.mode == test.mode)
+        if not tested.holds(test.stretch):
+            found.append(f"Not stable (Drucker) within the data of {test.path.name}.")
+    for r in stable:
+        limits = [f"below stretch {r.low:.3g}"] if r.low else []
+        limits += [f"above stretch {r.high:.3g}"] if r.high else []
+        if limits:
+            found.append(f"Not stable (Drucker) in {r.mode} tests {' and '.join(limits)}.")
+    return found
