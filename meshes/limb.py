@@ -1,6 +1,7 @@
 """A limb as data: closed curves and the regions between them, read and checked."""
 
 from collections.abc import Iterator
+from functools import cache
 from itertools import combinations, pairwise, permutations
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -130,10 +131,11 @@ class Limb(Strict):
         """Drop a remark in brackets behind the curve's name."""
         return value.split(" (")[0]
 
-    @classmethod
-    def reference(cls) -> Self:
+    @staticmethod
+    @cache
+    def reference() -> "Limb":
         """Return the calf of the package (a right leg, seen from above)."""
-        return cls.read(Path(__file__).with_name("calf.json"))
+        return Limb.read(Path(__file__).with_name("calf.json"))
 
     @classmethod
     def read(cls, path: Path | str) -> Self:

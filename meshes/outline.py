@@ -52,7 +52,7 @@ def read_outline(path: Path | str) -> tuple[Point, ...]:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(
-            f"{path}: {path.suffix or 'no ending'} is no format of outlines; export it as one of"
+            f"{path}: {path.suffix or 'no ending'} is not an outline format; export it as one of"
             f" {', '.join(READERS)}"
         )
     drawn = reader(path)

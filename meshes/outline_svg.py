@@ -44,9 +44,9 @@ def read_svg(path: Path) -> Drawn:
     try:
         root = ElementTree.fromstring(read_text(path))
     except ElementTree.ParseError as error:
-        raise InputError(f"{path}: is no SVG drawing ({error}); export it again") from error
+        raise InputError(f"{path}: is not an SVG drawing ({error}); export it again") from error
     if root.tag.removeprefix(_SVG) != "svg":
-        raise InputError(f"{path}: is no SVG drawing but holds {root.tag!r}; export it again")
+        raise InputError(f"{path}: is not an SVG drawing but holds {root.tag!r}; export it again")
     scale = _unit(path, root)
     unit = f"its unit is {scale:.4g} mm by width and viewBox"
     pieces = []
@@ -115,7 +115,7 @@ def _shapes(
             yield place, element, matrix
         else:
             raise InputError(
-                f"{path}, {place}: is no part of an outline; keep {', '.join(SHAPES)}, turn other"
+                f"{path}, {place}: is not part of an outline; keep {', '.join(SHAPES)}, turn other"
                 " objects into paths and delete the rest"
             )
 
@@ -175,7 +175,7 @@ def _piece(
         points = _at(segment, _FIRST_LOOK)
     points = points * [scale, -scale]
     if not np.isfinite(points).all():
-        raise InputError(f"{path}, {place}: is no curve of finite size; draw it again")
+        raise InputError(f"{path}, {place}: is not a curve of finite size; draw it again")
     if len(points) == 2:
         return Piece(place, points)
     check_extent(path, points, (0.0, 10 * EXTENT[1]), unit)

@@ -1,5 +1,6 @@
 """How a socket sits on a limb before anything is meshed, and whether it can be donned at all."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +70,7 @@ def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
     Short of bone no depth separates what is solved from what is not (measured in NOTE.md). The
     reference sockets have a `squeezed` of 0.15 (TC), 0.09 (TSB) and 0.25 (HS).
     """
-    with error_context(f"socket {name}".strip()):
+    with error_context(f"socket {name}") if name else nullcontext():
         return _placement(socket, limb)
 
 

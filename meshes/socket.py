@@ -344,8 +344,8 @@ def resolved(
     ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
         raise InputError(
-            "is no socket; give one of law = 'normal_offset' or 'circle_blend', outline = a file, "
-            f"like = {', '.join(reference)}"
+            "is not a socket; give one of law = 'normal_offset' or 'circle_blend', outline = a "
+            f"file, like = {', '.join(reference)}"
         )
     if ways == ["law"]:
         return table
@@ -382,34 +382,21 @@ class _Table:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         kinds = [handler.resolve_ref_schema(kind) for kind in handler(schema)["oneOf"]]
-        offset, blend, outline = (_editable(kind) for kind in kinds)
-        for kind in (offset, blend):
-            kind["required"] = ["law", *kind["required"]]
-        file = {"type": "string", "minLength": 1, "description": "path from the study file"}
-        del outline["properties"]["law"], outline["properties"]["points"]
-        outline["properties"] = {"outline": file, **outline["properties"]}
-        outline["required"] = ["outline"]
-        numbers = {**offset["properties"], **blend["properties"]}
-        del numbers["law"]
-        like = {
-            **offset,
-            "description": "A socket of the paper with some of its numbers changed.",
-            "properties": {"like": {"enum": list(reference_sockets())}, **numbers},
-            "required": ["like"],
-        }
-        return {"anyOf": [offset, blend, outline, like]}
-
-
-def _editable(kind: dict[str, Any]) -> dict[str, Any]:
-    """Return the JSON schema of a kind without defaults, which are numbers without units."""
-    plain = {
-        name: {key: value for key, value in each.items() if key not in ("default", "title")}
-        for name, each in kind["properties"].items()
-        if name != "name"  # that of its table
-    }
-    about = kind["description"].splitlines()[0]
-    own = {key: value for key, value in kind.items() if key != "title"}
-    return {**own, "description": about, "properties": plain}
+        for kind in kinds:
+            del kind["properties"]["name"]  # that of its table
+            for field in kind["properties"].values():
+                field.pop("default", None)  # a number without a unit
+        offset, blend, outline = (dict(kind["properties"]) for kind in kinds)
+        required = [["law", *kind["required"]] for kind in kinds[:2]]
+        like = {"like": {"enum": list(reference_sockets())}, **offset, **blend}
+        like.pop("law")
+        outline["outline"] = {"type": "string", "minLength": 1, "description": "name of a file"}
+        del outline["law"], outline["points"]
+        tables = zip(
+            (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
+        )
+        shared = {"type": "object", "additionalProperties": False}
+        return {"anyOf": [{**shared, "properties": own, "required": keys} for own, keys in tables]}
 
 
 SocketTable = Annotated[AnySocket, _Table()]

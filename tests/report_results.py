@@ -1,6 +1,6 @@
 """Hand-made results in a folder, as a study writes them, for the tests of the report."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ import pandas as pd
 from calfsocket.io.files import write_json
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.materials.material_set import BASE_SETS, MaterialSet
-from calfsocket.materials.tissues import FasciaC10
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
@@ -20,7 +19,7 @@ from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.thresholds import Threshold, shares_beyond
 from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord, StudySource
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import of_case
+from calfsocket.simulation.results import Results, of_case
 from calfsocket.study.document import ModelTable
 from sections import grid, limb_and_socket, section
 
@@ -162,12 +161,64 @@ def result(key: Key, fields: SectionFields, line: ContactLine, **about: Any) -> 
     )
 
 
+def study_record(records: Iterable[CaseRecord], model: ModelTable | None = None) -> StudyRecord:
+    """Return what a run.json has."""
+    model = model or ModelTable(size="coarse")
+    sets = [MaterialSet.paper(name, model.fascia_c10, model.ogden_form) for name in BASE_SETS]
+    return StudyRecord(
+        versions={"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
+        petsc_options={},
+        ranks=1,
+        study=StudySource(file="study.toml", content={}),
+        settings={"model": model.model_dump(), "steps": LoadSteps(extrapolate=False).model_dump()},
+        limb=Limb.reference(),
+        sockets=reference_sockets(),
+        laws={each.name: each.tissue_laws() for each in sets},
+        inputs={},
+        finished=True,
+        cases={record.name: record for record in records},
+    )
+
+
+def results_of(
+    cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
+    model: ModelTable | None = None,
+    folder: Path = Path("nowhere"),
+) -> Results:
+    """Return results that are in no file."""
+    made = {
+        key: case if isinstance(case, Result) else result(key, *case) for key, case in cases.items()
+    }
+    records = {key: each.record for key, each in made.items()}
+    run = study_record(records.values(), model)
+    return Results(folder, run, records, lambda record: made[record.key])
+
+
+def with_value(results: Results, key: Key, tissue: str, quantity: str, value: float) -> Results:
+    """Return results with one value of the summary replaced."""
+    summary = results.summary.copy()
+    row = (
+        (summary.socket == key[0])
+        & (summary.material_set == key[1])
+        & (summary.tissue == tissue)
+        & (summary["quantity"] == quantity)
+    )
+    assert row.sum() == 1
+    summary.loc[row, "value"] = value
+    return with_summary(results, summary)
+
+
+def with_summary(results: Results, summary: pd.DataFrame) -> Results:
+    """Return results with another summary."""
+    changed = results.only(results)
+    changed.__dict__["summary"] = summary  # which is computed once
+    return changed
+
+
 def write_results(
     folder: Path,
     cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
-    fascia_c10: FasciaC10 = "printed",
-    model: Mapping[str, Any] | None = None,
-    content: Mapping[str, Any] | None = None,
+    model: ModelTable | None = None,
     failed: Mapping[Key, str] | None = None,
     thresholds: Sequence[Threshold] = (),
 ) -> Path:
@@ -188,22 +239,6 @@ def write_results(
     for name, parts in tables.items():
         path = folder / f"{name}.csv"
         pd.concat(parts).to_csv(path, index=False, float_format=FLOAT_FORMAT)
-    sets = [MaterialSet.paper(name, fascia_c10) for name in BASE_SETS]
-    run = StudyRecord(
-        versions={"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        petsc_options={},
-        ranks=1,
-        study=StudySource(file="study.toml", content=content or {}),
-        settings={
-            "model": ModelTable(size="coarse", fascia_c10=fascia_c10, **(model or {})).model_dump(),
-            "steps": LoadSteps().model_dump(),
-        },
-        limb=Limb.reference(),
-        sockets=reference_sockets(),
-        laws={each.name: each.tissue_laws() for each in sets},
-        inputs={},
-        finished=True,
-        cases={record.name: record for record in records},
-    )
-    write_json(folder / "run.json", run.model_dump(mode="json", exclude_none=True))
+    run = study_record(records, model).model_dump(mode="json", exclude_none=True)
+    write_json(folder / "run.json", run)
     return folder

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import reliability
 from calfsocket import cli
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.study.record import Recorder
@@ -261,9 +262,9 @@ TRIALS = (
     Trial("a wall with Poisson's ratio 0.5", socket('like = "TC"\npoisson = 0.5'),
           ("sockets.mine.poisson: is 0.5", "less than 0.5")),
     # Sockets
-    Trial("a socket of no kind", socket('title = "x"'), ("sockets.mine: is no socket", "outline")),
-    Trial("a socket of two kinds", socket('like = "TC"\nlaw = "circle_blend"'), ("is no socket",)),
-    Trial("a socket of an unknown law", socket('law = "cone"'), ("is no socket", "circle_blend")),
+    Trial("a socket of no kind", socket('title = "x"'), ("mine: is not a socket", "outline")),
+    Trial("a socket of two kinds", socket('like = "TC"\nlaw = "circle_blend"'), ("not a socket",)),
+    Trial("a socket of an unknown law", socket('law = "cone"'), ("not a socket", "circle_blend")),
     Trial("a socket like an unknown one", socket('like = "PTB"'),
           ("sockets.mine: like: no socket 'PTB'", "TSB")),
     Trial("a base for a circle blend", socket('like = "HS"\nbase = "1 mm"'),
@@ -393,7 +394,11 @@ def refused(words: Sequence[str]) -> str:
 
 def said(trial: Trial, folder: Path) -> str:
     """Return what a trial gives, without the folder's path."""
-    return refused(words_of(trial, folder)).replace(f"{folder}/", "").replace(str(folder), "FOLDER")
+    return shortened(refused(words_of(trial, folder)), folder)
+
+
+def shortened(line: str, folder: Path) -> str:
+    return line.replace(f"{folder}/", "").replace(str(folder), "FOLDER")
 
 
 @pytest.mark.parametrize("trial", TRIALS, ids=str)
@@ -409,6 +414,7 @@ def test_bad_input_gets_one_line(trial, tmp_path, monkeypatch):
     for part in trial.says:
         assert part in line
     assert len(line) < 600
+    assert reliability.row(trial, shortened(line, given)) in reliability.rows()
     assert list(work.iterdir()) == []
     assert {path: path.stat().st_size for path in given.iterdir()} == before
 

@@ -98,9 +98,7 @@ class Evidence:
     @cached_property
     def inner_faces(self) -> dict[str, ClosedCurve]:
         """Undeformed inner face of each socket."""
-        return {
-            name: socket.faces(self.skin)[0] for name, socket in self.sockets.items()
-        }
+        return {name: socket.faces(self.skin)[0] for name, socket in self.sockets.items()}
 
     @cached_property
     def area_lost(self) -> dict[str, float]:

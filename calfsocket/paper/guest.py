@@ -83,6 +83,7 @@ def guest(findings: Findings) -> Guest | None:
         numbers=NUMBERS,
         captions=CAPTIONS,
         tables=(scoreboard.table(board),),
+        replaces=("laws", "maxima") if len(keys) == len(findings.results) else (),
     )
 
 

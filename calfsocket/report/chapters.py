@@ -114,6 +114,8 @@ class Guest:
         Numbers of the report's figures by their names, and sentences added to their captions.
     tables
         Written beside the page's, but not shown as tables.
+    replaces
+        Names of tables of the report that say no more than those of the guest.
     """
 
     title: str = ""
@@ -124,3 +126,4 @@ class Guest:
     numbers: Mapping[str, str] = field(default_factory=dict)
     captions: Mapping[str, str] = field(default_factory=dict)
     tables: tuple[Table, ...] = ()
+    replaces: tuple[str, ...] = ()

@@ -38,4 +38,3 @@ def title(results: Results) -> str:
     """Title of the study file; empty without one."""
     content = results.run.study.content if results.run else {}
     return content.get("study", {}).get("title") or ""
-

@@ -60,7 +60,10 @@ def summary(results: Results) -> str:
         }.items()
         if key in found
     ]
-    return f"{runs}. {', '.join(parts).capitalize()}." if parts else f"{runs}."
+    if not parts:
+        return f"{runs}."
+    text = ", ".join(parts)
+    return f"{runs}. {text[0].upper()}{text[1:]}."
 
 
 def warnings(results: Results) -> list[str]:

@@ -45,10 +45,7 @@ def write_report(
     """
     findings = Findings(results, thresholds or DamageThresholds())
     added = [guest for make in guests if (guest := make(findings)) is not None]
-    chapters = _joined(
-        _chapters(findings), [chapter for each in added for chapter in each.chapters]
-    )
-    chapters = _numbered(chapters, added)
+    chapters = _numbered(_joined(_chapters(findings), added), added)
     made = [
         replace(chapter, content=tuple(_drawn(each, results.folder) for each in chapter.content))
         for chapter in chapters
@@ -124,18 +121,27 @@ def _chapters(findings: Findings) -> list[Chapter]:
     ]
 
 
-def _joined(chapters: list[Chapter], added: Sequence[Chapter]) -> list[Chapter]:
-    """Add a guest's chapters to those of the same anchor, or behind the one that they follow."""
-    chapters = list(chapters)
-    for chapter in added:
+def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
+    """Add guests' chapters to those of the same anchor, or behind the one that they follow."""
+    replaced = {name for guest in guests for name in guest.replaces}
+    chapters = [
+        replace(
+            chapter,
+            content=tuple(
+                each for each in chapter.content if getattr(each, "name", None) not in replaced
+            ),
+        )
+        for chapter in own
+    ]
+    for chapter in (chapter for guest in guests for chapter in guest.chapters):
         anchors = [each.anchor for each in chapters]
         if chapter.anchor in anchors:
             place = anchors.index(chapter.anchor)
-            own = chapters[place]
-            title = chapter.title or own.title
-            intro = f"{own.intro} {chapter.intro}".strip()
-            content = (*own.content, *chapter.content)
-            chapters[place] = replace(own, title=title, intro=intro, content=content)
+            known = chapters[place]
+            title = chapter.title or known.title
+            intro = f"{known.intro} {chapter.intro}".strip()
+            content = (*known.content, *chapter.content)
+            chapters[place] = replace(known, title=title, intro=intro, content=content)
         else:
             place = anchors.index(chapter.after) + 1 if chapter.after else len(chapters)
             chapters.insert(place, chapter)

@@ -226,4 +226,4 @@ def figure(fine: Bending) -> Figure:
         lines.append((sizes, force, f"o-C{k}", f"{name}: force"))
         lines.append((sizes, deflection, f"s--C{k}", "deflection"))
     caption = "A bending fascia: three elements."
-    return curves("element_bending", caption, "element size, mm", "relative error", lines, **LOG)
+    return curves("element_bending", caption, ("element size, mm", "relative error"), lines, **LOG)

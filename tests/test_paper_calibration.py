@@ -1,8 +1,7 @@
-"""The calibration in the report: its verdicts and table by hand, its place, and what is broken."""
+"""The calibration beside the paper's study: verdicts and table by hand, and what is broken."""
 
 import json
 import logging
-import re
 from pathlib import Path
 
 import pandas as pd
@@ -10,33 +9,34 @@ import pytest
 
 from calfsocket.calibration.names import LABELS
 from calfsocket.io.errors import InputError
-from calfsocket.report import calibration, writing
-from calfsocket.report.calibration import NoCalibration, read_calibration
-from calfsocket.report.claims.evidence import Evidence, NotChecked
-from calfsocket.report.claims.registry import CHECKS
-from calfsocket.report.results import read_results
-from calfsocket.report.scoreboard import HOLDS, UNCHECKED, scoreboard
+from calfsocket.paper import calibration
+from calfsocket.paper.calibration import NoCalibration, read_calibration
+from calfsocket.paper.evidence import Evidence
+from calfsocket.paper.guest import guest
+from calfsocket.paper.scoreboard import FAILS, HOLDS, UNCHECKED, check
+from calfsocket.report.chapters import Drawn, Note
+from calfsocket.report.findings import Findings
+from calfsocket.report.table import Table
 from report_calibration import FORCE, write_calibration
-from report_results import limb_study, write_results
+from report_results import limb_study, results_of
 
 CLAIMS = ["C033", "C034", "C035", "C036"]
 ONE = limb_study((("TC", "separate"),))
 
 
-@pytest.fixture
-def study(tmp_path, monkeypatch) -> Path:
-    """A study of one case, whose own figures are not drawn."""
-    monkeypatch.setattr(writing, "draw_figures", lambda _: [])
-    return write_results(tmp_path / "study", ONE)
+def findings(folder: Path) -> Findings:
+    """Findings of a study of one case in a folder."""
+    return Findings(results_of(ONE, folder=folder))
 
 
-def board(study: Path) -> pd.DataFrame:
-    return scoreboard(read_results(study)).set_index("id").loc[[*CLAIMS, "C037"]]
+def board(folder: Path) -> pd.DataFrame:
+    evidence = Evidence(findings(folder))
+    return pd.DataFrame({name: check(name, evidence) for name in [*CLAIMS, "C037"]}).T
 
 
-def test_what_a_calibration_says_of_the_claims(study):
-    write_calibration(study / "calibration")
-    found = board(study)
+def test_what_a_calibration_says_of_the_claims(tmp_path):
+    write_calibration(tmp_path / "calibration")
+    found = board(tmp_path)
     assert found.verdict.tolist() == [HOLDS] * 4 + [UNCHECKED]
     # Table 1's: 36/30 and 48/40 at most; fitted: 44/40; ignored: 5/10 to 10/40, 10/48, 10/44
     assert "Table 1's combined law 1.00 to 1.20 times Separate's" in found.ours["C033"]
@@ -64,16 +64,16 @@ def test_what_a_calibration_says_of_the_claims(study):
          "wider than its face"),
     ],
 )  # fmt: skip
-def test_verdicts_follow_the_curves(study, identifier, changed, why):
-    write_calibration(study / "calibration", **changed)
-    found = CHECKS[identifier](Evidence(read_results(study)))
-    assert not found.holds
+def test_verdicts_follow_the_curves(tmp_path, identifier, changed, why):
+    write_calibration(tmp_path / "calibration", **changed)
+    found = board(tmp_path).loc[identifier]
+    assert found.verdict == FAILS
     assert why in found.why
 
 
-def test_a_fitted_law_far_from_the_curve_does_not_decide_on_the_papers(study):
-    write_calibration(study / "calibration", force={"combined_fitted": (99, 99, 99, 99)})
-    assert CHECKS["C033"](Evidence(read_results(study))).holds
+def test_a_fitted_law_far_from_the_curve_does_not_decide_on_the_papers(tmp_path):
+    write_calibration(tmp_path / "calibration", force={"combined_fitted": (99, 99, 99, 99)})
+    assert board(tmp_path).verdict["C033"] == HOLDS
 
 
 def test_the_table(tmp_path):
@@ -109,43 +109,33 @@ def test_the_table_says_what_the_fit_is_worth(tmp_path):
     assert others == "Calibrated with other laws than this study's: fascia."
 
 
-def test_figure_3_stands_in_its_place(study):
-    write_calibration(study / "calibration")
-    page = writing.write_report(study).read_text()
-    model = page[page.index('<section id="model">') : page.index('<section id="stress">')]
-    names = ("table1", "figure3_calibration", "calibration")
-    order = [model.index(f'id="{name}"') for name in names]
-    assert order == sorted(order)
-    assert "Figure 3: Calibration of the combined material." in model
-    assert model.count("data:image/webp;base64,") == 1
-    links = re.findall(r'href="([^#"]+)"', model)
-    assert "calibration/figure3.png" in links and "calibration/figure3.pdf" in links
-    for name in links:
-        assert (study / name).is_file(), name
-    assert "Read with care" not in page
+def model_chapter(folder: Path):
+    added = guest(findings(folder))
+    (model,) = (chapter for chapter in added.chapters if chapter.anchor == "model")
+    return added, model.content
 
 
-def test_without_a_calibration_the_page_says_how_to_get_one(study, caplog):
-    page = writing.write_report(study).read_text()
-    how = "python3 -m calfsocket calibrate --out FOLDER/calibration"
-    assert re.search(rf'<p class="note">Figure 3 needs [^<]*{how}', page)
-    assert "Read with care" not in page
-    assert caplog.records == []
-    found = board(study)
-    assert (found.verdict == UNCHECKED).all()
-    for identifier in CLAIMS:
-        assert how in found.why[identifier]
-    with pytest.raises(NoCalibration):
-        read_calibration(study)
-
-
-def test_a_variant_has_the_calibration_of_its_study(tmp_path, monkeypatch):
-    monkeypatch.setattr(writing, "draw_figures", lambda _: [])
-    folder = write_results(tmp_path / "variants" / "frictionless", ONE)
+def test_figure_3_stands_in_its_place(tmp_path):
     write_calibration(tmp_path / "calibration")
-    page = writing.write_report(folder)
-    assert 'href="../../calibration/figure3.pdf"' in page.read_text()
-    assert (folder / "../../calibration/figure3.pdf").is_file()
+    added, (table1, figure, table) = model_chapter(tmp_path)
+    assert isinstance(figure, Drawn) and (figure.number, figure.name) == (
+        "3",
+        "figure3_calibration",
+    )
+    assert figure.png.is_file() and figure.pdf.is_file()
+    assert isinstance(table, Table) and (table1.name, table.name) == ("table1", "calibration")
+    assert added.warnings == ()
+
+
+def test_without_a_calibration_the_page_says_how_to_get_one(tmp_path, caplog):
+    added, (_, note) = model_chapter(tmp_path)
+    how = "python3 -m calfsocket calibrate --out FOLDER/calibration"
+    assert isinstance(note, Note) and note.text.startswith("Figure 3 needs ") and how in note.text
+    assert added.warnings == () and caplog.records == []
+    found = board(tmp_path)
+    assert (found.verdict == UNCHECKED).all() and found.why[CLAIMS].str.contains(how).all()
+    with pytest.raises(NoCalibration):
+        read_calibration(tmp_path)
 
 
 def broken_json(folder: Path) -> None:
@@ -229,19 +219,15 @@ def test_a_broken_calibration_gets_one_line(spoil, says, tmp_path):
         assert word in str(error.value)
 
 
-def test_the_report_is_made_without_a_broken_calibration(study, caplog):
-    broken_json(write_calibration(study / "calibration"))
+def test_the_report_is_made_without_a_broken_calibration(tmp_path, caplog):
+    broken_json(write_calibration(tmp_path / "calibration"))
     with caplog.at_level(logging.WARNING):
-        page = writing.write_report(study).read_text()
+        added, (_, note) = model_chapter(tmp_path)
     (record,) = caplog.records
     assert record.getMessage().startswith("the calibration is left out: ")
-    assert page.count("The calibration, figure 3, is left out: ") == 2  # at the top and in place
-    assert "Read with care" in page
-    assert 'id="figure3_calibration"' not in page
-    assert not (study / "tables" / "calibration.csv").exists()
-    for identifier in CLAIMS:
-        with pytest.raises(NotChecked, match=r"calibration\.json"):
-            CHECKS[identifier](Evidence(read_results(study)))
+    assert note.text.startswith("The calibration, figure 3, is left out: ")
+    assert added.warnings == (note.text,)
+    assert board(tmp_path).why[CLAIMS].str.contains(r"calibration\.json").all()
 
 
 def test_the_hand_made_curves_have_the_names_of_the_files():
