@@ -1,7 +1,5 @@
 """The limb's verification: energy balance, mesh convergence, results read or solved."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,7 +11,8 @@ from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.simulation.record import CaseRecord
+from calfsocket.study import study
+from calfsocket.study.runner import Runner
 from calfsocket.verification import limb_runs
 from calfsocket.verification.energy import EnergyMeter
 from calfsocket.verification.limb import coarsest_first

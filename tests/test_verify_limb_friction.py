@@ -34,7 +34,8 @@ def test_springs_creep_and_do_not_slip(closed):
 
 
 def test_without_friction_all_paths_end_alike():
-    ends = [fit("TSB", path, 0.1, contact=FREE).line.pressure_kPa for path in ("closed", "stiffened")]
+    paths = "closed", "stiffened"
+    ends = [fit("TSB", path, 0.1, contact=FREE).line.pressure_kPa for path in paths]
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-5 * ends[0].max())
 
 
