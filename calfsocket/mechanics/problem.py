@@ -118,7 +118,7 @@ class Model:
             If a region would change its kind of law.
         """
         self.fields.set_laws(region_laws)
-        self.region_laws |= region_laws
+        self.region_laws = {**self.region_laws, **region_laws}  # who has the old ones keeps them
 
     # -- for the solver -------------------------------------------------------------------------
 
