@@ -21,4 +21,4 @@ USER calf
 ENTRYPOINT ["/opt/calfsocket/debian13-environment"]
 CMD ["python3", "-m", "calfsocket", "--out", "/results"]
 # Compiles the forms, so that no run of the image waits for it.
-RUN ./debian13-environment python3 -m calfsocket warm && chmod --recursive a+rwX "$HOME"
+RUN ./debian13-environment python3 -m calfsocket precompile && chmod --recursive a+rwX "$HOME"

@@ -31,7 +31,8 @@ def measure(size: str) -> dict[str, Any]:
     ):
         case = measured.run["cases"][f"{socket}_{material_set}"]
         seconds = profile.set_index(["level", "what"])["seconds"]
-        iterations = case["newton_iterations"]
+        checks = case["checks"]
+        iterations = checks["newton_iterations"]
         solve = {what: float(seconds[SOLVE, what]) for what in seconds[SOLVE].index}
         rows.append(
             {
@@ -39,8 +40,8 @@ def measure(size: str) -> dict[str, Any]:
                 "material_set": material_set,
                 "iterations": iterations,
                 "most_iterations": ITERATIONS[socket, material_set],
-                "failed_steps": case["failed_steps"],
-                "negative_modes": case["negative_modes"],
+                "failed_steps": checks["failed_steps"],
+                "negative_modes": checks["negative_modes"],
                 "phases_s": {k: round(v, 4) for k, v in case["seconds"].items()},
                 "solve_s": solve,
                 "per_iteration_s": {what: value / iterations for what, value in solve.items()},

@@ -2,14 +2,90 @@
 
 A FEniCSx application: a transverse section of a calf with 27 regions of 6 tissues, pressed by
 deformable prosthetic sockets through large-sliding frictional Nitsche contact.
+
+>>> import calfsocket as cs
+>>> limb, socket = cs.Limb.reference(), cs.Socket.reference("HS")
+>>> materials = cs.MaterialSet.paper("separate")
+>>> result = cs.Simulation(limb, socket, materials, mesh_size="coarse").solve()  # doctest: +SKIP
 """
 
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+if TYPE_CHECKING:
+    from calfsocket.contact.parameters import Contact as Contact
+    from calfsocket.io.errors import CalfsocketError as CalfsocketError
+    from calfsocket.io.errors import ConvergenceError as ConvergenceError
+    from calfsocket.io.errors import InputError as InputError
+    from calfsocket.materials.file import read_material as read_material
+    from calfsocket.materials.file import write_material as write_material
+    from calfsocket.materials.hencky import Hencky as Hencky
+    from calfsocket.materials.law import Law as Law
+    from calfsocket.materials.material_set import MaterialSet as MaterialSet
+    from calfsocket.materials.ogden import Ogden as Ogden
+    from calfsocket.materials.ogden import neo_hookean as neo_hookean
+    from calfsocket.materials.yeoh import Yeoh as Yeoh
+    from calfsocket.mechanics.stepping import LoadSteps as LoadSteps
+    from calfsocket.meshes.limb import Limb as Limb
+    from calfsocket.meshes.socket import CircleBlend as CircleBlend
+    from calfsocket.meshes.socket import NormalOffset as NormalOffset
+    from calfsocket.meshes.socket import Outline as Outline
+    from calfsocket.meshes.socket import Socket as Socket
+    from calfsocket.simulation.result import Result as Result
+    from calfsocket.simulation.results import Results as Results
+    from calfsocket.simulation.results import load_results as load_results
+    from calfsocket.simulation.simulation import Simulation as Simulation
+    from calfsocket.study.study import Study as Study
+
+__version__ = "0.2.0"
 
 # `calfsocket.meshes` and `calfsocket.forms` lie at the top of the repository. An installed package
 # has them as ordinary subpackages; in a bare checkout, the repository joins the search path.
 _repository = Path(__file__).resolve().parent.parent
 if (_repository / "pyproject.toml").is_file() and (_repository / "meshes" / "tags.py").is_file():
     __path__.append(str(_repository))
+
+_MODULES = {
+    "Contact": "contact.parameters",
+    "CalfsocketError": "io.errors",
+    "ConvergenceError": "io.errors",
+    "InputError": "io.errors",
+    "read_material": "materials.file",
+    "write_material": "materials.file",
+    "Hencky": "materials.hencky",
+    "Law": "materials.law",
+    "MaterialSet": "materials.material_set",
+    "Ogden": "materials.ogden",
+    "neo_hookean": "materials.ogden",
+    "Yeoh": "materials.yeoh",
+    "LoadSteps": "mechanics.stepping",
+    "Limb": "meshes.limb",
+    "CircleBlend": "meshes.socket",
+    "NormalOffset": "meshes.socket",
+    "Outline": "meshes.socket",
+    "Socket": "meshes.socket",
+    "Result": "simulation.result",
+    "Results": "simulation.results",
+    "load_results": "simulation.results",
+    "Simulation": "simulation.simulation",
+    "Study": "study.study",
+}
+"""Where each public name is defined. They are imported when first used: importing the package alone
+neither starts MPI nor loads dolfinx."""
+
+__all__ = [*_MODULES]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _MODULES:
+        raise AttributeError(f"module 'calfsocket' has no attribute '{name}'")
+    value = getattr(import_module(f"calfsocket.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted([*globals(), *_MODULES])

@@ -22,16 +22,16 @@ from calfsocket.commands import (
     mesh,
     new,
     picture,
+    precompile,
     report,
     run,
     schema,
     show,
     study,
     verify,
-    warm,
 )
 from calfsocket.io.errors import CalfsocketError, InputError
-from calfsocket.parallel.abort import all_are_here, end_all, exit_code, heed_termination
+from calfsocket.parallel.abort import abort_all, all_arrive, exit_code, handle_termination
 
 PROGRAM = "python3 -m calfsocket"
 
@@ -47,7 +47,7 @@ COMMANDS: dict[str, NamedCommand] = {
     "picture": picture,
     "report": report,
     "verify": verify,
-    "warm": warm,
+    "precompile": precompile,
 }
 
 
@@ -113,12 +113,12 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
-    gathering = MPI.Intracomm(comm.Dup())
-    heed_termination()
+    abort_comm = MPI.Intracomm(comm.Dup())
+    handle_termination()
     try:
         return command.run(comm, arguments)
     except InputError as error:
-        if all_are_here(gathering):
+        if all_arrive(abort_comm):
             return _refuse(error, first=comm.rank == 0)
         message, code = f"calfsocket: {error}", BAD_INPUT
     except CalfsocketError as error:
@@ -130,7 +130,7 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
             raise
         message, code = traceback.format_exc(), CASE_FAILED
     if comm.size > 1:
-        end_all(comm, message, code)
+        abort_all(comm, message, code)
     print(message, file=sys.stderr)
     return code
 

@@ -11,8 +11,8 @@ from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from calfsocket.io.schema import Strict, read_json
 from calfsocket.meshes import gmsh_model, tags
-from calfsocket.meshes.data import Units
 from calfsocket.meshes.distributed import SectionMesh, distribute
+from calfsocket.meshes.limb import Units
 from calfsocket.meshes.plate import Plate, add_fillets, add_plate
 from calfsocket.meshes.sizing import MeshSize
 from calfsocket.meshes.smoothing import smooth
@@ -125,15 +125,13 @@ def compound_mesh(comm: MPI.Comm, compound: Compound, size: MeshSize) -> Section
 def build(compound: Compound, size: MeshSize) -> TriangleMesh:
     """Mesh a compound and its plate on this process; x = 0 is the middle, y = 0 below the bone."""
     layers = compound.layers
-    heights = np.cumsum(
-        [
-            0.0,
-            layers.bone,
-            layers.periosteum + layers.muscle + layers.fascia,
-            layers.fat,
-            layers.skin,
-        ]
-    )
+    depths = [
+        layers.bone,
+        layers.periosteum + layers.muscle + layers.fascia,
+        layers.fat,
+        layers.skin,
+    ]
+    heights = np.cumsum([0.0, *depths])
     with gmsh_model.session("compound"):
         right = 0.5 * compound.width
         ends = [[gmsh.model.occ.addPoint(x, y, 0.0) for x in (-right, right)] for y in heights]
@@ -143,20 +141,24 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
             for low, high in pairwise(ends)
         ]
         muscles = [add_fillets(corners) for corners in _compartments(compound, heights[1])]
-        surfaces = {}
-        for level, name in enumerate(("bone", "fascia", "fat", "skin")):
-            loops = [[across[level], sides[level][1], across[level + 1], sides[level][0]]]
-            if name == "fascia":
-                loops += muscles
-            surfaces[name] = _surface(loops)
-        for name, muscle in zip(compound.muscles, muscles, strict=True):
-            surfaces[name] = _surface([muscle])
+        bone, fascia, fat, skin = (
+            gmsh_model.add_region(
+                [across[level], right_side, across[level + 1], left_side],
+                *(muscles if level == 1 else []),
+            )
+            for level, (left_side, right_side) in enumerate(sides)
+        )
+        within = [gmsh_model.add_region(muscle) for muscle in muscles]
         plate = add_plate(compound.plate, 0.0, heights[-1], side=1)
-        gmsh.model.occ.synchronize()
-
-        names = ["skin", "fat", "fascia", *compound.muscles, "bone"]
-        gmsh_model.name_regions(
-            surfaces | {tags.SOCKET: plate.surface},
+        gmsh_model.mesh(
+            {
+                "skin": skin,
+                "fat": fat,
+                "fascia": fascia,
+                **dict(zip(compound.muscles, within, strict=True)),
+                "bone": bone,
+                tags.SOCKET: plate.surface,
+            },
             {
                 tags.SKIN_SURFACE: [across[-1]],
                 tags.SOCKET_INNER: plate.face,
@@ -164,19 +166,15 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
                 tags.TIBIA_MEDULLARY: [across[0]],
                 tags.SIDES: [*chain(*sides)],
             },
-            {name: number for number, name in enumerate(names, start=1)}
-            | {tags.SOCKET: tags.SOCKET_ID},
-            tags.BOUNDARIES | {tags.SIDES: tags.SIDES_ID},
+            lambda: _sizes(
+                compound,
+                size,
+                fascia=[*across[1:3], *chain(*muscles)],
+                corners=[arc for muscle in muscles for arc in muscle[::2]],
+                skin=across[-2:],
+                plate=plate.face,
+            ),
         )
-        _set_size(
-            compound,
-            size,
-            fascia=[*across[1:3], *chain(*muscles)],
-            corners=[arc for muscle in muscles for arc in muscle[::2]],
-            skin=across[-2:],
-            plate=plate.face,
-        )
-        gmsh_model.mesh_order2()
         return smooth(gmsh_model.extract())
 
 
@@ -200,47 +198,26 @@ def _compartments(compound: Compound, bone: float) -> list[list[tuple[float, flo
     ]
 
 
-def _surface(loops: list[list[int]]) -> int:
-    surface: int = gmsh.model.occ.addPlaneSurface(
-        [gmsh.model.occ.addCurveLoop(loop) for loop in loops]
-    )
-    return surface
-
-
-def _set_size(
+def _sizes(
     compound: Compound,
     size: MeshSize,
     fascia: list[int],
     corners: list[int],
     skin: list[int],
     plate: list[int],
-) -> None:
-    """Set sides by the rules of the limb: fine along fascia and skin, growing from there."""
+) -> list[int]:
+    """Add size fields by the rules of the limb: fine along fascia and skin, growing from there."""
     layers, inside = compound.layers, compound.compartments
     thinnest = min(layers.fascia, layers.periosteum, inside.septum)
     on_fascia = float(np.clip(size.gap_fraction * thinnest, size.smallest, size.on_curves))
     at_corners = min(on_fascia, size.curvature_fraction * inside.corner_radius)
-    field = gmsh.model.mesh.field
-    fields = []
-    for curves, h in (
-        (fascia, on_fascia),
-        (corners, at_corners),
-        (skin, size.on_skin),
-        (plate, size.socket_inner),
-    ):
-        distance = field.add("Distance")
-        field.setNumbers(distance, "CurvesList", curves)
-        field.setNumber(distance, "Sampling", SAMPLING)
-        threshold = field.add("Threshold")
-        for option, value in (
-            ("InField", distance),
-            ("SizeMin", h),
-            ("SizeMax", size.largest),
-            ("DistMin", 0.0),
-            ("DistMax", (size.largest - h) / size.growth),
-        ):
-            field.setNumber(threshold, option, value)
-        fields.append(threshold)
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", fields)
-    field.setAsBackgroundMesh(smallest)
+    wanted = (
+        (fascia, on_fascia), (corners, at_corners), (skin, size.on_skin), (plate, size.socket_inner)
+    )  # fmt: skip
+    return [
+        gmsh_model.add_growth(
+            gmsh_model.add_field("Distance", CurvesList=curves, Sampling=SAMPLING),
+            h, size.largest, size.growth,
+        )
+        for curves, h in wanted
+    ]  # fmt: skip

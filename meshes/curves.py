@@ -1,16 +1,38 @@
 """Closed curves: periodic cubic splines, and the ellipses and offsets interpolated by them."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
+from pydantic import AfterValidator, Field
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 from calfsocket.io.errors import InputError
 
 Array = NDArray[np.float64]
+#: A coordinate, mm. No section of a limb is wider; sampling one of 10 km would not end.
+Coordinate = Annotated[float, Field(ge=-1000, le=1000)]
+Point = tuple[Coordinate, Coordinate]
+Thickness = Annotated[float, Field(gt=0, le=1000)]
+#: Points of a curve that are closer together than this, mm, are one.
+SAME_POINT = 1e-3
+
+
+def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
+    for point, following in pairwise((*value, value[0])):
+        if math.dist(point, following) <= SAME_POINT:
+            raise ValueError(f"point {list(point)} follows itself; do not repeat points")
+    return value
+
+
+#: Points of a closed curve, mm, counter-clockwise, the first not repeated.
+Points = Annotated[tuple[Point, ...], Field(min_length=4), AfterValidator(_neighbours_differ)]
 #: Points on a curve, mm, shape (n, 2) -> how far to move them outward, mm, shape (n,).
 Distance = Callable[[Array], Array]
 
@@ -19,6 +41,8 @@ Distance = Callable[[Array], Array]
 INTERPOLATION_TOLERANCE = 5e-4
 #: Times an interval between knots may be halved; the limb's curves and sockets need 5.
 MAX_HALVINGS = 12
+#: Number of points by which it is decided whether a curve crosses itself.
+CROSSING_POINTS = 2000
 
 
 @dataclass(frozen=True)
@@ -188,3 +212,34 @@ def offset(curve: ClosedCurve, distance: Distance) -> ClosedCurve:
         return points + distance(points)[:, None] * curve.normal(t)
 
     return interpolated(exact, curve.knots)
+
+
+def polar_angle(points: Array) -> Array:
+    """Return the polar angle about the origin in degrees, 0 <= angle < 360."""
+    return np.rad2deg(np.arctan2(points[..., 1], points[..., 0])) % 360.0
+
+
+def self_crossing(polygon: Array) -> Array | None:
+    """Return a point where a closed polygon crosses or touches itself, shape (2,), if it does."""
+    ring = shapely.LinearRing(polygon)
+    if ring.is_simple:
+        return None
+    # Such as "Self-intersection[1.5 2]".
+    reason = shapely.is_valid_reason(shapely.Polygon(ring))
+    return np.array([float(number) for number in reason.split("[")[1].rstrip("]").split()])
+
+
+def crossing_of(curve: ClosedCurve) -> Array | None:
+    """Return a point where a curve crosses or touches itself, shape (2,), if it does."""
+    return self_crossing(curve.evaluate(curve.sample(curve.perimeter / CROSSING_POINTS)))
+
+
+def xy(point: Array) -> str:
+    """Return the coordinates of a point for messages, e.g. ``(1.50, -2.00) mm``."""
+    x, y = np.round(point, 2) + 0.0  # no -0
+    return f"({x:.2f}, {y:.2f}) mm"
+
+
+def at(point: Array) -> str:
+    """Return the polar angle and the coordinates of a point for messages."""
+    return f"{round(float(polar_angle(point))) % 360} degrees, {xy(point)}"

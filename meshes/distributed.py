@@ -9,6 +9,7 @@ from dolfinx.io import gmshio
 from dolfinx.io.utils import distribute_entity_data
 from dolfinx.mesh import GhostMode, Mesh, MeshTags
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from calfsocket.io.errors import CalfsocketError
 from calfsocket.meshes.gmsh_model import TRIANGLE6
@@ -45,6 +46,12 @@ class SectionMesh:
     facet_tags: MeshTags
     regions: dict[str, int]
     boundaries: dict[str, int]
+
+    def cell_regions(self) -> NDArray[np.int32]:
+        """Region tag of each local cell, ghosts included."""
+        regions = np.zeros(len(self.cell_tags.indices), dtype=np.int32)
+        regions[self.cell_tags.indices] = self.cell_tags.values
+        return regions
 
 
 def distribute(comm: MPI.Comm, build: Callable[[], TriangleMesh]) -> SectionMesh:

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.curves import Array
-from calfsocket.meshes.data import SAME_POINT
-from calfsocket.meshes.loops import self_crossing
+from calfsocket.meshes.curves import SAME_POINT, Array, self_crossing, xy
 
 #: Pieces are joined where their ends are at most this far apart, mm.
 JOINT = 0.01
@@ -35,7 +33,7 @@ class Piece:
     Attributes
     ----------
     place : str
-        Where it stands in the file, e.g. "LINE 2F".
+        Its place in the file, e.g. "LINE 2F".
     points : (n, 2)
         In mm, its ends included: the vertices of straight lines, or points close together.
     curved : bool
@@ -48,7 +46,7 @@ class Piece:
 
     @property
     def places(self) -> list[str]:
-        """Where each point stands."""
+        """Place of each point."""
         if self.curved or len(self.points) == 2:
             return [self.place] * len(self.points)
         return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
@@ -80,7 +78,7 @@ class Drawn:
     points : (n, 2)
         In mm, in the order of the file.
     places : sequence of str
-        Where in the file each point stands, e.g. "line 12".
+        Place of each point in the file, e.g. "line 12".
     unit : str
         What the file says of its unit, for errors.
     """
@@ -127,7 +125,7 @@ class Drawn:
             nearest = int(np.argmin(np.linalg.norm(self.points - crossing, axis=1)))
             raise InputError(
                 f"{self.path}, {self.places[nearest]}: the outline crosses or touches itself near"
-                f" {_at(crossing)}; give its points in order, once round"
+                f" {xy(crossing)}; give its points in order, once round"
             )
 
     def _check_turns(self) -> None:
@@ -139,15 +137,9 @@ class Drawn:
         if turn[sharpest] > MAX_TURN + 1e-6:  # twelve points on a circle turn by 30 degrees
             raise InputError(
                 f"{self.path}, {self.places[sharpest]}: the outline turns by"
-                f" {turn[sharpest]:.0f} degrees at {_at(self.points[sharpest])}; up to"
+                f" {turn[sharpest]:.0f} degrees at {xy(self.points[sharpest])}; up to"
                 f" {MAX_TURN:g} can be followed smoothly: round the corner off, or give more points"
             )
-
-
-def _at(point: Array) -> str:
-    """Return a point as people read it."""
-    x, y = np.round(point, 2) + 0.0  # no -0
-    return f"({x:.2f}, {y:.2f}) mm"
 
 
 def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: str = "") -> None:
@@ -185,11 +177,7 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
     everything = np.concatenate([piece.points for piece in pieces])
     check_extent(path, everything, (0.0, 10 * EXTENT[1]), unit)
     left = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
-    ends = np.array([piece.points[[0, -1]] for piece in left]).reshape(-1, 2, 2)
-    free = np.ones(len(left), dtype=bool)
-    loops = []
-    while free.any():
-        loops.append(_loop(path, left, ends, free))
+    loops = _loops(path, left)
     if len(loops) != 1:
         raise InputError(
             f"{path}: holds {len(loops)} outlines, {', '.join(loop[0].place for loop in loops)};"
@@ -206,30 +194,37 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
     return Drawn(path, points[keep], [places[i] for i in keep], unit)
 
 
-def _loop(path: Path, pieces: Sequence[Piece], ends: Array, free: NDArray[np.bool_]) -> list[Piece]:
-    """Return one closed loop of the pieces that are free, and mark them as taken."""
-    first = int(np.argmax(free))
-    free[first] = False
-    loop = [pieces[first]]
-    start = ends[first, 0]
-    while True:
-        tip = loop[-1].points[-1]
-        gaps = np.where(free[:, None], np.linalg.norm(ends - tip, axis=2), np.inf)
-        meeting = np.flatnonzero(gaps.min(axis=1) <= JOINT)
-        opening = float(np.linalg.norm(start - tip))
-        if len(meeting) + (opening <= JOINT) > 1:
-            raise InputError(
-                f"{path}, {loop[-1].place}: meets {pieces[meeting[0]].place} and others at"
-                f" {_at(tip)}; keep one outline without branches"
-            )
-        if opening <= JOINT:
-            return loop
-        if not len(meeting):
-            raise InputError(
-                f"{path}, {loop[-1].place}: the outline is open at {_at(tip)}: the nearest end is"
-                f" {min(opening, gaps.min()):.3g} mm away; close it, to {JOINT} mm"
-            )
-        (following,) = meeting
-        free[following] = False
-        piece = pieces[following]
-        loop.append(piece if gaps[following, 0] <= gaps[following, 1] else piece.backwards())
+def _loops(path: Path, pieces: Sequence[Piece]) -> list[list[Piece]]:
+    """Return pieces in the order and direction in which they make closed outlines."""
+    # Piece i has the ends 2 i and 2 i + 1; every end must meet one other.
+    ends = np.array([piece.points[[0, -1]] for piece in pieces]).reshape(-1, 2)
+    if not len(ends):
+        return []
+    tree = cKDTree(ends)
+    here = tree.query_ball_point(ends, JOINT, return_length=True)
+    if here.max() > 2:
+        first, other, *_ = tree.query_ball_point(ends[np.argmax(here)], JOINT, return_sorted=True)
+        raise InputError(
+            f"{path}, {pieces[first // 2].place}: meets {pieces[other // 2].place} and others at"
+            f" {xy(ends[first])}; keep one outline without branches"
+        )
+    loose = np.flatnonzero(here == 1)
+    if loose.size:
+        *others, last = loose
+        gap = np.linalg.norm(ends[others] - ends[last], axis=1).min()
+        raise InputError(
+            f"{path}, {pieces[last // 2].place}: the outline is open at {xy(ends[last])}: the"
+            f" nearest end is {gap:.3g} mm away; close it, to {JOINT} mm"
+        )
+    partner = tree.query(ends, k=2)[1].sum(axis=1) - np.arange(len(ends))
+    taken = np.zeros(len(pieces), dtype=bool)
+    loops = []
+    while not taken.all():
+        end, loop = 2 * int(np.argmin(taken)), []
+        while not taken[end // 2]:
+            taken[end // 2] = True
+            piece = pieces[end // 2]
+            loop.append(piece.backwards() if end % 2 else piece)
+            end = int(partner[end ^ 1])
+        loops.append(loop)
+    return loops

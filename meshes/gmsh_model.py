@@ -1,11 +1,13 @@
 """gmsh, tamed: one session at a time, one closed edge per loop, plain arrays out."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import gmsh
 import numpy as np
 
+from calfsocket.meshes import tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.triangles import TriangleMesh
 
@@ -66,28 +68,74 @@ def add_loop(curve: ClosedCurve) -> int:
     return edge
 
 
-def add_region(outer: int, holes: Sequence[int] = ()) -> int:
-    """Add the plane surface inside edge `outer` and outside the edges `holes`; return its tag."""
-    loops = [gmsh.model.occ.addCurveLoop([edge]) for edge in (outer, *holes)]
-    surface: int = gmsh.model.occ.addPlaneSurface(loops)
+def add_circle(radius: float, height: float = 0.0, turn: float = 0.0) -> int:
+    """Add a circle about (0, height), mm, that starts at the angle `turn`, rad; return its tag."""
+    edge: int = gmsh.model.occ.addCircle(
+        0.0, height, 0.0, radius, angle1=turn, angle2=turn + 2.0 * math.pi
+    )
+    return edge
+
+
+def add_region(*loops: Sequence[int]) -> int:
+    """Add the plane surface inside the first closed loop of edges and outside the others."""
+    surface: int = gmsh.model.occ.addPlaneSurface([gmsh.model.occ.addCurveLoop(x) for x in loops])
     return surface
 
 
-def name_regions(
+def add_field(kind: str, **options: float | str | Sequence[int]) -> int:
+    """Add one of gmsh's size fields with its options; return its tag."""
+    field = gmsh.model.mesh.field
+    tag: int = field.add(kind)
+    for option, value in options.items():
+        match value:
+            case str():
+                field.setString(tag, option, value)
+            case float() | int():
+                field.setNumber(tag, option, value)
+            case _:
+                field.setNumbers(tag, option, value)
+    return tag
+
+
+def add_growth(distance: int, h: float, largest: float, growth: float, reach: float = 0.0) -> int:
+    """Add a size that is h up to a distance (a field), mm, and grows from there to the largest."""
+    slope = max(largest - h, 1e-9 * largest) / growth
+    return add_field(
+        "Threshold", InField=distance, SizeMin=h, SizeMax=largest, DistMin=reach,
+        DistMax=reach + slope,
+    )  # fmt: skip
+
+
+def mesh(
     surfaces: Mapping[str, int],
     edges: Mapping[str, Sequence[int]],
-    region_tags: Mapping[str, int],
-    boundary_tags: Mapping[str, int],
+    size: Callable[[], Sequence[int]],
+    region_tags: Mapping[str, int] | None = None,
 ) -> None:
-    """Give surfaces and edges their names and tags as physical groups of the current model."""
+    """Mesh the current model with 6-node triangles whose mid-side nodes lie on the curves.
+
+    Parameters
+    ----------
+    surfaces
+        Region -> surface.
+    edges
+        Boundary -> edges.
+    size
+        Adds size fields when the surfaces are there; the smallest counts.
+    region_tags
+        Region -> tag of its cells; by default 1, 2, ... in the order of `surfaces`. The socket's is
+        always its own.
+    """
+    gmsh.model.occ.synchronize()
+    if region_tags is None:
+        names = [name for name in surfaces if name != tags.SOCKET]
+        region_tags = {name: number for number, name in enumerate(names, start=1)}
+    region_tags = {**region_tags, tags.SOCKET: tags.SOCKET_ID}
     for name, surface in surfaces.items():
         gmsh.model.addPhysicalGroup(2, [surface], region_tags[name], name)
     for name, parts in edges.items():
-        gmsh.model.addPhysicalGroup(1, parts, boundary_tags[name], name)
-
-
-def mesh_order2() -> None:
-    """Mesh the current model with 6-node triangles whose mid-side nodes lie on the curves."""
+        gmsh.model.addPhysicalGroup(1, parts, tags.FACETS[name], name)
+    gmsh.model.mesh.field.setAsBackgroundMesh(add_field("Min", FieldsList=size()))
     gmsh.model.mesh.generate(2)
     gmsh.model.mesh.setOrder(2)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
-from calfsocket.meshes.data import SAME_POINT
+from calfsocket.meshes.curves import SAME_POINT
 from calfsocket.meshes.drawn import Drawn
 
 #: The outline is open where it closes with a side this many times as long as the longest other.
@@ -44,14 +44,12 @@ def read_csv(path: Path) -> Drawn:
     if not rows:
         raise InputError(f"{path}: is empty; give a row `x, y` in mm for each point")
     separator = next((mark for mark in ";\t," if mark in rows[0][1]), ",")
-    first = rows[0][1].split(separator)
-    if not any(_is_number(cell, separator) for cell in first):
-        _check_header(path, rows[0][0], first)
-        del rows[0]
-    points = np.array(
-        [_point(path, number, row.split(separator), separator) for number, row in rows]
-    )
-    places = [f"line {number}" for number, _ in rows]
+    cells = [(number, line.split(separator)) for number, line in rows]
+    if all(_length(cell, separator) is None for cell in cells[0][1]):
+        _check_header(path, *cells[0])
+        del cells[0]
+    points = np.array([_point(path, number, row, separator) for number, row in cells])
+    places = [f"line {number}" for number, _ in cells]
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) <= SAME_POINT:
         points, places = points[:-1], places[:-1]
     drawn = Drawn(path, points.reshape(-1, 2), places)
@@ -63,40 +61,34 @@ def _check_header(path: Path, number: int, cells: list[str]) -> None:
     found = [_HEADER.fullmatch(cell) for cell in cells]
     if [match and match[1].lower() for match in found] != ["x", "y"]:
         raise InputError(
-            f"{path}, line {number}: {', '.join(cell.strip() for cell in cells)!r} is no point and"
-            " no header; write `x, y`, or two numbers"
+            f"{path}, line {number}: {', '.join(cell.strip() for cell in cells)!r} is neither a"
+            " point nor a header; write `x, y`, or two numbers"
         )
     for match in found:
         if match and match[2] not in (None, "mm"):
             raise InputError(f"{path}, line {number}: unit {match[2]!r}; give coordinates in mm")
 
 
-def _point(path: Path, number: int, cells: list[str], separator: str) -> tuple[float, float]:
+def _point(path: Path, number: int, cells: list[str], separator: str) -> list[float]:
     if len(cells) != 2:
         raise InputError(f"{path}, line {number}: needs two cells, x and y in mm; has {len(cells)}")
-    x, y = (_number(path, number, cell, separator) for cell in cells)
-    return x, y
+    point = []
+    for cell in cells:
+        value = _length(cell, separator)
+        if value is None or not abs(value) <= _LARGEST:
+            raise InputError(
+                f"{path}, line {number}: {cell.strip()!r} is not a length; give a number of mm"
+            )
+        point.append(value)
+    return point
 
 
-def _number(path: Path, number: int, cell: str, separator: str) -> float:
-    if _is_number(cell, separator):
-        value = float(_plain(cell, separator))
-        if abs(value) <= _LARGEST:
-            return value
-    raise InputError(f"{path}, line {number}: {cell.strip()!r} is no length; give a number of mm")
-
-
-def _is_number(cell: str, separator: str) -> bool:
+def _length(cell: str, separator: str) -> float | None:
+    """Return a number, whose decimals may have a comma unless cells are separated by commas."""
     try:
-        float(_plain(cell, separator))
+        return float(cell if separator == "," else cell.replace(",", "."))
     except ValueError:
-        return False
-    return True
-
-
-def _plain(cell: str, separator: str) -> str:
-    """Return a number with a decimal point."""
-    return cell if separator == "," else cell.replace(",", ".")
+        return None
 
 
 def _check_closed(drawn: Drawn) -> None:

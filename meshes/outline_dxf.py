@@ -45,7 +45,7 @@ def read_dxf(path: Path) -> Drawn:
     try:
         document = ezdxf.readfile(path)
     except Exception as error:  # the parser has many ways to fail on files of other kinds
-        raise InputError(f"{path}: is no DXF drawing that can be read; export it again") from error
+        raise InputError(f"{path}: is not a readable DXF drawing; export it again") from error
     scale, unit = _unit(path, document)
     entities = list(document.modelspace())
     if not entities:
@@ -74,7 +74,7 @@ def _piece(path: Path, entity: DXFEntity, scale: float, unit: str) -> Piece:
     place = f"{entity.dxftype()} {entity.dxf.handle}"
     if entity.dxftype() not in TYPES:
         raise InputError(
-            f"{path}, {place}: is no part of an outline; keep {', '.join(TYPES)}, explode blocks"
+            f"{path}, {place}: is not part of an outline; keep {', '.join(TYPES)}, explode blocks"
             " and delete the rest"
         )
     try:
@@ -85,7 +85,7 @@ def _piece(path: Path, entity: DXFEntity, scale: float, unit: str) -> Piece:
     except Exception as error:  # of the library's own, on entities that contradict themselves
         raise InputError(f"{path}, {place}: cannot be read; draw it again") from error
     if len(control) < 2 or not np.isfinite(control).all():
-        raise InputError(f"{path}, {place}: is no curve of finite size; draw it again")
+        raise InputError(f"{path}, {place}: is not a curve of finite size; draw it again")
     if np.ptp(control[:, 2]) > _FLAT:
         raise InputError(
             f"{path}, {place}: rises by {np.ptp(control[:, 2]):.3g} mm out of its plane; project it"

@@ -16,11 +16,10 @@ import svgelements
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.data import SAME_POINT
 from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
-#: What draws nothing where it stands.
+#: Elements that draw nothing.
 _SILENT = ("defs", "title", "desc", "metadata", "style", "clipPath", "mask", "marker", "symbol")
 _SVG = "{http://www.w3.org/2000/svg}"
 _MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "px": 25.4 / 96}
@@ -30,7 +29,7 @@ _TRANSFORM = re.compile(
     rf"(?:[\s,]*(?:matrix|translate|scale|rotate|skewX|skewY)\s*\((?:[\s,]*{_NUMBER})+\s*\))*\s*"
 )
 _PATH = re.compile(r"[MmZzLlHhVvCcSsQqTtAaeE0-9+\-.,\s]*")
-#: Points from which the length of a curved segment is told.
+#: Points from which the length of a curved segment is estimated.
 _FIRST_LOOK = 33
 
 
@@ -45,9 +44,9 @@ def read_svg(path: Path) -> Drawn:
     try:
         root = ElementTree.fromstring(read_text(path))
     except ElementTree.ParseError as error:
-        raise InputError(f"{path}: is no SVG drawing ({error}); export it again") from error
+        raise InputError(f"{path}: is not an SVG drawing ({error}); export it again") from error
     if root.tag.removeprefix(_SVG) != "svg":
-        raise InputError(f"{path}: is no SVG drawing but holds {root.tag!r}; export it again")
+        raise InputError(f"{path}: is not an SVG drawing but holds {root.tag!r}; export it again")
     scale = _unit(path, root)
     unit = f"its unit is {scale:.4g} mm by width and viewBox"
     pieces = []
@@ -59,7 +58,7 @@ def read_svg(path: Path) -> Drawn:
         pieces += [_piece(path, place, segment * matrix, scale, unit) for segment in segments]
     if not pieces:
         raise InputError(f"{path}: the drawing is empty; draw one outline as {', '.join(SHAPES)}")
-    return joined(path, list(_merged(pieces)), unit)
+    return joined(path, pieces, unit)
 
 
 def _unit(path: Path, root: ElementTree.Element) -> float:
@@ -116,7 +115,7 @@ def _shapes(
             yield place, element, matrix
         else:
             raise InputError(
-                f"{path}, {place}: is no part of an outline; keep {', '.join(SHAPES)}, turn other"
+                f"{path}, {place}: is not part of an outline; keep {', '.join(SHAPES)}, turn other"
                 " objects into paths and delete the rest"
             )
 
@@ -176,7 +175,7 @@ def _piece(
         points = _at(segment, _FIRST_LOOK)
     points = points * [scale, -scale]
     if not np.isfinite(points).all():
-        raise InputError(f"{path}, {place}: is no curve of finite size; draw it again")
+        raise InputError(f"{path}, {place}: is not a curve of finite size; draw it again")
     if len(points) == 2:
         return Piece(place, points)
     check_extent(path, points, (0.0, 10 * EXTENT[1]), unit)
@@ -189,21 +188,3 @@ def _at(segment: svgelements.PathSegment, number: int) -> Array:
     with np.errstate(all="ignore"):  # what is not finite is refused
         points = segment.npoint(np.linspace(0.0, 1.0, number))
     return np.asarray(points, dtype=float).reshape(-1, 2)
-
-
-def _merged(pieces: list[Piece]) -> Iterator[Piece]:
-    """Join the straight lines that follow each other in a shape, so that vertices have numbers."""
-    run: list[Piece] = []
-    for piece in [*pieces, None]:
-        if run and (
-            piece is None
-            or piece.curved
-            or piece.place != run[-1].place
-            or np.linalg.norm(piece.points[0] - run[-1].points[-1]) > SAME_POINT
-        ):
-            yield Piece(run[0].place, np.array([run[0].points[0], *(p.points[-1] for p in run)]))
-            run = []
-        if piece is not None and piece.curved:
-            yield piece
-        elif piece is not None:
-            run.append(piece)

@@ -1,15 +1,15 @@
 """How a socket sits on a limb before anything is meshed, and whether it can be donned at all."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from calfsocket.io.errors import InputError
-from calfsocket.meshes.curves import Array, ClosedCurve
-from calfsocket.meshes.data import Limb, Socket
-from calfsocket.meshes.loops import at, limb_curves, polar_angle
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.io.errors import InputError, error_context
+from calfsocket.meshes.curves import Array, ClosedCurve, at, polar_angle
+from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.socket import Socket
 
 #: Distance of the points of the skin that are looked at, mm.
 SKIN_STEP = 0.25
@@ -48,8 +48,15 @@ class Placement:
     squeezed: float
 
 
-def check_placement(socket: Socket, limb: Limb) -> Placement:
+def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
     """Measure how a socket sits on a limb, and refuse what cannot be solved.
+
+    Parameters
+    ----------
+    socket, limb
+        Both undeformed.
+    name
+        The socket's, for errors.
 
     Raises
     ------
@@ -63,15 +70,20 @@ def check_placement(socket: Socket, limb: Limb) -> Placement:
     Short of bone no depth separates what is solved from what is not (measured in NOTE.md). The
     reference sockets have a `squeezed` of 0.15 (TC), 0.09 (TSB) and 0.25 (HS).
     """
+    with error_context(f"socket {name}") if name else nullcontext():
+        return _placement(socket, limb)
+
+
+def _placement(socket: Socket, limb: Limb) -> Placement:
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
-    inner, _ = socket_faces(socket, skin)
+    inner, _ = socket.faces(skin)
     points = skin.evaluate(skin.sample(SKIN_STEP))
     face = inner.evaluate(inner.sample(CURVE_STEP))
     if not shapely.Polygon(face).intersects(shapely.Polygon(points)):
         distance = shapely.LinearRing(face).distance(shapely.LinearRing(points))
         raise InputError(
-            f"socket {socket.name}: lies beside the limb, {distance:.1f} mm away at"
+            f"lies beside the limb, {distance:.1f} mm away at"
             f" {at(face.mean(axis=0))}; its frame is the limb's, with the origin in the limb"
         )
     overlap = _distance(points, face)
@@ -79,14 +91,14 @@ def check_placement(socket: Socket, limb: Limb) -> Placement:
     least, most = int(np.argmin(overlap)), int(np.argmax(overlap))
     if overlap[most] <= 0:
         raise InputError(
-            f"socket {socket.name}: does not press on the limb: its inner face is clear of the"
+            f"does not press on the limb: its inner face is clear of the"
             f" skin, at {at(points[most])} still by {-overlap[most]:.2f} mm; make it smaller"
         )
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
         raise InputError(
-            f"socket {socket.name}: reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
+            f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
             f" {at(points[worst])}, where {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue"
             " lie over it; make it larger or move it"
         )
@@ -106,7 +118,7 @@ def check_placement(socket: Socket, limb: Limb) -> Placement:
 def _distance(points: Array, polygon: Array) -> Array:
     """Return the distance of points from a closed polygon, shape (n,)."""
     edges = shapely.linestrings(np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1))
-    nearest = shapely.STRtree(edges).query_nearest(
+    nearest = shapely.STRtree(np.asarray(edges)).query_nearest(
         shapely.points(points), return_distance=True, all_matches=False
     )
     return np.asarray(nearest[1])

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import PositiveFloat, model_validator
 
 from calfsocket.io.schema import Strict
+from calfsocket.meshes import gmsh_model
 
 Corner = tuple[float, float, float]
 """Place of a corner and radius of its fillet, mm."""
@@ -62,8 +63,7 @@ def add_plate(plate: Plate, middle: float, face: float, side: int) -> PlateEntit
         ]
     )
     # As `add_fillets` goes: left edge's arc, face, right edge's arc, side, back, side.
-    surface = gmsh.model.occ.addPlaneSurface([gmsh.model.occ.addCurveLoop(edges)])
-    return PlateEntities(surface, edges[:3], edges[3:])
+    return PlateEntities(gmsh_model.add_region(edges), edges[:3], edges[3:])
 
 
 def add_fillets(corners: Sequence[Corner]) -> list[int]:

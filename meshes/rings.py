@@ -1,8 +1,8 @@
 """Concentric rings: sections simple enough to have solutions on paper, for verification."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
-import gmsh
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
@@ -10,12 +10,16 @@ from calfsocket.meshes import gmsh_model, tags
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.triangles import TriangleMesh
 
+Layer = tuple[str, float, float]
+"""Name, inner radius and outer radius, mm."""
+
 
 def ring_mesh(
     comm: MPI.Comm,
-    layers: Sequence[tuple[str, float, float]],
+    layers: Sequence[Layer],
     socket: tuple[float, float] | None,
-    h: float,
+    h: float | tuple[float, float],
+    turn: float = 0.0,
 ) -> SectionMesh:
     """Return a layered ring, and a socket ring around it, centred at the origin.
 
@@ -31,45 +35,47 @@ def ring_mesh(
         (inner radius, outer radius) in mm, or None. It may overlap the layers: the two bodies
         share no nodes.
     h
-        Length of the triangles' sides, mm.
+        Length of the triangles' sides, mm, of both bodies or of each.
+    turn
+        Angle at which the socket's numbering starts, rad: it turns the nodes of its faces.
     """
-    return distribute(comm, lambda: build(layers, socket, h))
+    return distribute(comm, lambda: build(layers, socket, h, turn))
 
 
 def build(
-    layers: Sequence[tuple[str, float, float]], socket: tuple[float, float] | None, h: float
+    layers: Sequence[Layer],
+    socket: tuple[float, float] | None,
+    h: float | tuple[float, float],
+    turn: float = 0.0,
 ) -> TriangleMesh:
     """Mesh the rings on this process; parameters as in `ring_mesh`."""
-    _check(layers, socket, h)
+    h_limb, h_socket = h if isinstance(h, tuple) else (h, h)
+    _check(layers, socket, min(h_limb, h_socket))
     with gmsh_model.session("rings"):
-
-        def circle(radius: float) -> int:
-            edge: int = gmsh.model.occ.addCircle(0.0, 0.0, 0.0, radius)
-            return edge
-
-        circles = [circle(layers[0][1])]
-        surfaces, edges = {}, {tags.TIBIA_MEDULLARY: [circles[0]]}
-        for name, _, outer in layers:
-            circles.append(circle(outer))
-            surfaces[name] = gmsh_model.add_region(circles[-1], [circles[-2]])
-        edges[tags.SKIN_SURFACE] = [circles[-1]]
+        radii = [layers[0][1], *(outer for _, _, outer in layers)]
+        circles = [[gmsh_model.add_circle(radius)] for radius in radii]
+        surfaces = {
+            name: gmsh_model.add_region(outer, inner)
+            for (name, _, _), (inner, outer) in zip(layers, pairwise(circles), strict=True)
+        }
+        sizes = [(h_limb, list(surfaces.values()))]
+        edges = {tags.TIBIA_MEDULLARY: circles[0], tags.SKIN_SURFACE: circles[-1]}
         if socket is not None:
-            inner, outer_face = circle(socket[0]), circle(socket[1])
-            surfaces[tags.SOCKET] = gmsh_model.add_region(outer_face, [inner])
-            edges |= {tags.SOCKET_INNER: [inner], tags.SOCKET_OUTER: [outer_face]}
-        gmsh.model.occ.synchronize()
-        region_tags = {name: number for number, (name, _, _) in enumerate(layers, start=1)}
-        region_tags[tags.SOCKET] = tags.SOCKET_ID
-        gmsh_model.name_regions(surfaces, edges, region_tags, tags.BOUNDARIES)
-        gmsh.option.setNumber("Mesh.MeshSizeMin", h)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
-        gmsh_model.mesh_order2()
+            inner, outer = ([gmsh_model.add_circle(radius, turn=turn)] for radius in socket)
+            surfaces[tags.SOCKET] = gmsh_model.add_region(outer, inner)
+            edges |= {tags.SOCKET_INNER: inner, tags.SOCKET_OUTER: outer}
+            sizes.append((h_socket, [surfaces[tags.SOCKET]]))
+        gmsh_model.mesh(
+            surfaces,
+            edges,
+            lambda: [
+                gmsh_model.add_field("Constant", SurfacesList=own, VIn=side) for side, own in sizes
+            ],
+        )
         return gmsh_model.extract()
 
 
-def _check(
-    layers: Sequence[tuple[str, float, float]], socket: tuple[float, float] | None, h: float
-) -> None:
+def _check(layers: Sequence[Layer], socket: tuple[float, float] | None, h: float) -> None:
     """Raise an InputError unless the radii increase from layer to layer without gaps."""
     if not layers:
         raise InputError("rings: no layers; give at least one (name, inner radius, outer radius)")

@@ -13,14 +13,13 @@ from scipy.optimize import minimize_scalar
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, sizing, tags
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.data import Limb, Socket, Sockets, load_limb, load_sockets
 from calfsocket.meshes.distributed import SectionMesh, distribute
-from calfsocket.meshes.loops import limb_curves
+from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.plate import Plate, add_plate
 from calfsocket.meshes.quality import quality_table
 from calfsocket.meshes.sizing import MeshSize, SizeField
 from calfsocket.meshes.smoothing import smooth
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.socket import Socket
 from calfsocket.meshes.triangles import TriangleMesh
 
 
@@ -54,26 +53,17 @@ def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
     return size.for_triangles(count)
 
 
-def write_section(
-    path: Path | str,
-    socket_name: str,
-    size_name: str,
-    limb: Limb | None = None,
-    sockets: Sockets | None = None,
-) -> pd.DataFrame:
+def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
     """Write the mesh, with its names, as a gmsh file; return the table of `quality_table`.
 
-    The limb and the sockets are those of the package unless others are given. The file appears
-    whole or not at all, and the same input gives the same bytes.
+    The file appears whole or not at all, and the same input gives the same bytes.
     """
     path = Path(path)
-    limb = limb or load_limb()
-    socket = (sockets or load_sockets()).socket(socket_name)
-    size = final_size(limb, socket, sizing.mesh_size(size_name))
     if path.suffix != ".msh":
         raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
+    size = final_size(limb, socket, size)
     with gmsh_model.session("section"), tempfile.TemporaryDirectory(dir=path.parent) as folder:
         generate(limb, socket, size)
         mesh = smooth(gmsh_model.extract())
@@ -81,7 +71,7 @@ def write_section(
         unfinished = Path(folder) / path.name
         gmsh.write(str(unfinished))
         unfinished.replace(path)
-    inner, outer = socket_faces(socket, limb_curves(limb)[limb.contact_boundary])
+    inner, outer = socket.faces(limb_curves(limb)[limb.contact_boundary])
     return quality_table(
         mesh,
         {region.name: region.tissue for region in limb.regions} | {tags.SOCKET: tags.SOCKET},
@@ -96,25 +86,26 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
     The nodes are gmsh's, before `smooth`.
     """
     loops = limb_curves(limb)
-    inner, outer = socket_faces(socket, loops[limb.contact_boundary])
+    inner, outer = socket.faces(loops[limb.contact_boundary])
     surfaces, boundaries = _add_limb(limb, loops)
-    inner_edge, outer_edge = gmsh_model.add_loop(inner), gmsh_model.add_loop(outer)
-    socket_surface = gmsh_model.add_region(outer_edge, [inner_edge])
-    gmsh.model.occ.synchronize()
-    _name_all(
-        limb,
-        surfaces | {tags.SOCKET: socket_surface},
-        boundaries | {tags.SOCKET_INNER: [inner_edge], tags.SOCKET_OUTER: [outer_edge]},
-    )
+    limb_surfaces = list(surfaces.values())
+    inner_edge, outer_edge = [gmsh_model.add_loop(inner)], [gmsh_model.add_loop(outer)]
+    surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
     with tempfile.TemporaryDirectory() as folder:
-        _set_size(
-            Path(folder),
-            [
-                (sizing.limb_field(loops, limb.contact_boundary, size), list(surfaces.values())),
-                (sizing.socket_field(inner, outer, size), [socket_surface]),
+        gmsh_model.mesh(
+            surfaces,
+            boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
+            lambda: [
+                _add_size(Path(folder) / f"{number}.bin", field, own)
+                for number, (field, own) in enumerate(
+                    (
+                        (sizing.limb_field(loops, limb.contact_boundary, size), limb_surfaces),
+                        (sizing.socket_field(inner, outer, size), [surfaces[tags.SOCKET]]),
+                    )
+                )
             ],
+            limb.region_tags,
         )
-        gmsh_model.mesh_order2()
 
 
 def plated_limb_mesh(comm: MPI.Comm, limb: Limb, plate: Plate, size: MeshSize) -> SectionMesh:
@@ -132,19 +123,20 @@ def build_plated_limb(limb: Limb, plate: Plate, size: MeshSize) -> TriangleMesh:
     x, y = skin.evaluate(lowest.x)
     with gmsh_model.session("limb on plate"), tempfile.TemporaryDirectory() as folder:
         surfaces, boundaries = _add_limb(limb, loops)
+        limb_surfaces = list(surfaces.values())
         added = add_plate(plate, x, y, side=-1)
-        gmsh.model.occ.synchronize()
-        _name_all(
-            limb,
+        field = sizing.limb_field(loops, limb.contact_boundary, size)
+        gmsh_model.mesh(
             surfaces | {tags.SOCKET: added.surface},
             boundaries | {tags.SOCKET_INNER: added.face, tags.SOCKET_OUTER: added.back},
+            lambda: [
+                _add_size(Path(folder) / "size.bin", field, limb_surfaces),
+                gmsh_model.add_field(
+                    "Constant", SurfacesList=[added.surface], VIn=size.socket_outer
+                ),
+            ],
+            limb.region_tags,
         )
-        _set_size(
-            Path(folder),
-            [(sizing.limb_field(loops, limb.contact_boundary, size), list(surfaces.values()))],
-            {added.surface: size.socket_outer},
-        )
-        gmsh_model.mesh_order2()
         return smooth(gmsh_model.extract())
 
 
@@ -160,53 +152,22 @@ def _add_limb(
     limb: Limb, loops: Mapping[str, ClosedCurve]
 ) -> tuple[dict[str, int], dict[str, list[int]]]:
     """Add the regions of a limb; return their surfaces and the edges of the named boundaries."""
-    edges = {name: gmsh_model.add_loop(curve) for name, curve in loops.items()}
+    edges = {name: [gmsh_model.add_loop(curve)] for name, curve in loops.items()}
     surfaces = {
-        region.name: gmsh_model.add_region(
-            edges[region.outer], [edges[hole] for hole in region.holes]
-        )
+        region.name: gmsh_model.add_region(*(edges[loop] for loop in region.loops))
         for region in limb.regions
     }
     return surfaces, {
-        tags.SKIN_SURFACE: [edges[limb.contact_boundary]],
-        tags.TIBIA_MEDULLARY: [edges[limb.fixed_boundary]],
+        tags.SKIN_SURFACE: edges[limb.contact_boundary],
+        tags.TIBIA_MEDULLARY: edges[limb.fixed_boundary],
     }
 
 
-def _name_all(limb: Limb, surfaces: Mapping[str, int], boundaries: Mapping[str, list[int]]) -> None:
-    gmsh_model.name_regions(
-        surfaces, boundaries, limb.region_tags | {tags.SOCKET: tags.SOCKET_ID}, tags.BOUNDARIES
-    )
+def _add_size(path: Path, size: SizeField, surfaces: list[int]) -> int:
+    """Add a size field for some surfaces and their edges only, for the bodies overlap in space.
 
-
-def _set_size(
-    folder: Path,
-    bodies: list[tuple[SizeField, list[int]]],
-    uniform: Mapping[int, float] | None = None,
-) -> None:
-    """Make the size of each body the background field on its surfaces and their edges only.
-
-    Surfaces in `uniform` have one size.
-
-    The bodies overlap in space, so each has a field of its own. gmsh reads the files in `folder`
-    when it meshes.
+    gmsh reads the file when it meshes.
     """
-    fields = gmsh.model.mesh.field
-    restricted = []
-    for number, (size_field, surfaces) in enumerate(bodies):
-        path = folder / f"size{number}.bin"
-        size_field.write(path)
-        structured = fields.add("Structured")
-        fields.setString(structured, "FileName", str(path))
-        restrict = fields.add("Restrict")
-        fields.setNumber(restrict, "InField", structured)
-        fields.setNumbers(restrict, "SurfacesList", surfaces)
-        restricted.append(restrict)
-    for surface, side in (uniform or {}).items():
-        constant = fields.add("Constant")
-        fields.setNumbers(constant, "SurfacesList", [surface])
-        fields.setNumber(constant, "VIn", side)
-        restricted.append(constant)
-    smallest = fields.add("Min")
-    fields.setNumbers(smallest, "FieldsList", restricted)
-    fields.setAsBackgroundMesh(smallest)
+    size.write(path)
+    structured = gmsh_model.add_field("Structured", FileName=str(path))
+    return gmsh_model.add_field("Restrict", InField=structured, SurfacesList=surfaces)

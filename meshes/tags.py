@@ -1,6 +1,8 @@
 """Integer tags of the mesh, the one place that knows them; everywhere else regions have names."""
 
 SOCKET = "socket"
+#: The limb as one region, in simple bodies.
+LIMB = "limb"
 SKIN_SURFACE = "skin_surface"
 SOCKET_INNER = "socket_inner"
 SOCKET_OUTER = "socket_outer"
@@ -18,5 +20,6 @@ BOUNDARIES = {
     TIBIA_MEDULLARY: 204,
 }
 
-#: Sides of a piece of tissue, that slide along y: its layers continue beyond, mirrored.
-SIDES_ID = 205
+#: The same with the sides of a piece of tissue, that slide along y: its layers continue beyond,
+#: mirrored.
+FACETS = BOUNDARIES | {SIDES: 205}

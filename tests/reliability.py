@@ -14,7 +14,9 @@ tells in words what the test checks.
 
 import importlib
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -24,11 +26,11 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "reliability.md"
 SUBJECTS = ("test_bad_input", "test_bad_outlines", "test_faults", "test_mpi_faults")
 
 HEADER = """\
-# What was tried against it
+# Reliability
 
-Bad input gives one line that names the file, the key, what is allowed or what to do; exit code 2;
-nothing is written. Faults while running lose nothing that was finished. Every row below is a test;
-`python3 tests/reliability.py` makes this page from them.
+Bad input gives one line that names the file and the key and says what is allowed or what to do; the
+exit code is 2, and nothing is written. Faults during a run lose nothing that was finished. Every
+row below is a test; `python3 tests/reliability.py` makes this page from them.
 """
 
 
@@ -57,9 +59,21 @@ class Trial:
         return self.name
 
 
-def page() -> str:
-    """Give the text of the page."""
-    return "\n".join([HEADER, *(_part(subject) for subject in _subjects())])
+def page(line_of: Callable[[ModuleType, Trial], str]) -> str:
+    """Return the text of the page, given what a trial makes the user read."""
+    return "\n".join([HEADER, *(_part(subject, line_of) for subject in _subjects())])
+
+
+def row(trial: Trial, line: str) -> str:
+    """Return a trial's row of the page."""
+    given = trial.gives or f"`` {line} ``"
+    return f"| {_cell(trial.name)} | {_cell(given)} |"
+
+
+@cache
+def rows() -> frozenset[str]:
+    """Return the lines of the page as it is."""
+    return frozenset(PAGE.read_text(encoding="utf-8").splitlines())
 
 
 def _subjects() -> list[ModuleType]:
@@ -67,18 +81,25 @@ def _subjects() -> list[ModuleType]:
     return [importlib.import_module(name) for name in SUBJECTS if (folder / f"{name}.py").is_file()]
 
 
-def _part(subject: ModuleType) -> str:
-    lines = [f"## {subject.TITLE}", "", subject.INTRO, "", "| tried | what it gave |", "|---|---|"]
-    for trial in subject.TRIALS:
-        lines.append(f"| {_cell(trial.name)} | {_cell(_given(subject, trial))} |")
+def _part(subject: ModuleType, line_of: Callable[[ModuleType, Trial], str]) -> str:
+    lines = [
+        f"## {subject.TITLE}",
+        "",
+        subject.INTRO,
+        "",
+        "| input or fault | result |",
+        "|---|---|",
+    ]
+    lines += [
+        row(trial, "" if trial.gives else line_of(subject, trial)) for trial in subject.TRIALS
+    ]
     return "\n".join(lines) + "\n"
 
 
-def _given(subject: ModuleType, trial: Trial) -> str:
-    if trial.gives:
-        return trial.gives
+def _line(subject: ModuleType, trial: Trial) -> str:
     with tempfile.TemporaryDirectory() as folder:
-        return f"`` {subject.said(trial, Path(folder))} ``"
+        line: str = subject.said(trial, Path(folder))
+        return line
 
 
 def _cell(text: str) -> str:
@@ -86,5 +107,5 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    PAGE.write_text(page(_line), encoding="utf-8")
     print(PAGE)

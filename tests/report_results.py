@@ -1,20 +1,26 @@
 """Hand-made results in a folder, as a study writes them, for the tests of the report."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from calfsocket.io.files import write_json
 from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.materials.material_set import BASE_SETS, MaterialSet
+from calfsocket.mechanics.stepping import LoadSteps
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.quantities import summary_rows
-from calfsocket.postprocess.vtu import write_fields
-from calfsocket.simulation.case import Case, Settings, case_laws
+from calfsocket.postprocess.thresholds import Threshold, shares_beyond
+from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord, StudySource
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Results, of_case
+from calfsocket.study.document import ModelTable
 from sections import grid, limb_and_socket, section
 
 Key = tuple[str, str]
@@ -52,7 +58,6 @@ def contact_on_plate(pressure: Callable[[np.ndarray], np.ndarray]) -> ContactLin
         gap_mm=np.zeros(len(arc)),
         weight_mm=np.tile(weight / 2, 18),
         status=np.where(pressure(arc) > 0, "stick", "open"),
-        circumference_mm=18.0,
     )
 
 
@@ -102,7 +107,6 @@ def contact_on(fields: SectionFields, pressure: float) -> ContactLine:
         gap_mm=np.zeros(n),
         weight_mm=length,
         status=np.full(n, "stick"),
-        circumference_mm=float(length.sum()),
     )
 
 
@@ -116,53 +120,125 @@ def limb_study(keys: tuple[Key, ...] = ALL) -> dict[Key, tuple[SectionFields, Co
     return cases
 
 
-def write_results(
-    folder: Path,
-    cases: Mapping[Key, tuple[SectionFields, ContactLine]],
-    settings: Settings | None = None,
-    failed: Mapping[str, str] | None = None,
-) -> Path:
-    """Write a study's folder; `failed` names cases that did not reach their full load."""
-    settings = settings or Settings(size="coarse")
-    summary, contact, steps = [], [], []
-    entries: dict[str, dict] = {
-        name: {"status": "failed", "message": why} for name, why in (failed or {}).items()
-    }
-    for (socket, name), (fields, line) in cases.items():
-        write_fields(folder / f"{socket}_{name}", fields, socket, name)
-        summary.append(summary_rows(fields, line, socket, name))
-        contact.append(line.rows(socket, name))
-        for number, load in enumerate((0.5, 1.0)):
-            step = {"socket": socket, "material_set": name, "step": number + 1, "load": load}
-            steps.append(step | {"converged": True, "newton_iterations": 3})
-        entries[f"{socket}_{name}"] = {
-            "status": "solved",
-            "message": "",
-            "unknowns": 2 * (len(fields.points) + len(fields.cells)) + 3 * len(fields.cells),
-            "pressing_force_N_per_mm": float(line.pressure_kPa.mean()),
+def checks(fields: SectionFields, line: ContactLine, negative_modes: int = 0) -> Checks:
+    """Checks of a hand-made case."""
+    return Checks(
+        load=1.0,
+        unknowns=2 * (len(fields.points) + len(fields.cells)) + 3 * len(fields.cells),
+        cells=len(fields.cells),
+        steps=2,
+        failed_steps=0,
+        newton_iterations=6,
+        residual_N_per_mm=1e-12,
+        smallest_volume_ratio=0.9,
+        smallest_volume_ratio_region="skin",
+        largest_gap_in_contact_mm=0.0,
+        pressing_force_N_per_mm=float(line.pressure_kPa.mean()),
+        relative_force_imbalance=0.0,
+        negative_modes=negative_modes,
+    )
+
+
+def result(key: Key, fields: SectionFields, line: ContactLine, **about: Any) -> Result:
+    """Return a solved case; `about` is for its record."""
+    steps = pd.DataFrame(
+        {
+            "step": [1, 2],
+            "load": [0.5, 1.0],
+            "converged": True,
+            "reason": "",
+            "newton_iterations": 3,
+            "residual_N_per_mm": 1e-12,
+            "seconds": 1.0,
             "negative_modes": 0,
         }
-    for file, rows in (
-        ("summary", summary),
-        ("contact", contact),
-        ("steps", [pd.DataFrame(steps)]),
-    ):
-        pd.concat(rows).to_csv(folder / f"{file}.csv", index=False, float_format=FLOAT_FORMAT)
-    laws = {
-        name: {
-            tissue: law.model_dump(mode="json")
-            for tissue, law in case_laws(Case("", name), settings).items()
-        }
-        for name in ("separate", "combined")
+    )
+    socket, name = key
+    of = (socket.split("@")[0], name.split("@")[0])
+    known = {"of": of, "status": "solved", "checks": checks(fields, line)}
+    return Result(
+        CaseRecord(socket=socket, material_set=name, **known | about), fields, line, steps
+    )
+
+
+def study_record(records: Iterable[CaseRecord], model: ModelTable | None = None) -> StudyRecord:
+    """Return what a run.json has."""
+    model = model or ModelTable(size="coarse")
+    sets = [MaterialSet.paper(name, model.fascia_c10, model.ogden_form) for name in BASE_SETS]
+    return StudyRecord(
+        versions={"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
+        petsc_options={},
+        ranks=1,
+        study=StudySource(file="study.toml", content={}),
+        settings={"model": model.model_dump(), "steps": LoadSteps(extrapolate=False).model_dump()},
+        limb=Limb.reference(),
+        sockets=reference_sockets(),
+        laws={each.name: each.tissue_laws() for each in sets},
+        inputs=dict.fromkeys(map("_".join, ALL), ""),
+        finished=True,
+        cases={record.name: record for record in records},
+    )
+
+
+def results_of(
+    cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
+    model: ModelTable | None = None,
+    folder: Path = Path("nowhere"),
+) -> Results:
+    """Return results that are in no file."""
+    made = {
+        key: case if isinstance(case, Result) else result(key, *case) for key, case in cases.items()
     }
-    run = {
-        "versions": {"calfsocket": "0", "fenics-dolfinx": "0.9.0"},
-        "inputs": {"settings": settings.record()},
-        "laws": laws,
-        "limb": load_limb().model_dump(mode="json"),
-        "sockets": load_sockets().model_dump(mode="json"),
-        "finished": True,
-        "cases": entries,
-    }
+    records = {key: each.record for key, each in made.items()}
+    run = study_record(records.values(), model)
+    return Results(folder, run, records, lambda record: made[record.key])
+
+
+def with_value(results: Results, key: Key, tissue: str, quantity: str, value: float) -> Results:
+    """Return results with one value of the summary replaced."""
+    summary = results.summary.copy()
+    row = (
+        (summary.socket == key[0])
+        & (summary.material_set == key[1])
+        & (summary.tissue == tissue)
+        & (summary["quantity"] == quantity)
+    )
+    assert row.sum() == 1
+    summary.loc[row, "value"] = value
+    return with_summary(results, summary)
+
+
+def with_summary(results: Results, summary: pd.DataFrame) -> Results:
+    """Return results with another summary."""
+    changed = results.only(results)
+    changed.__dict__["summary"] = summary  # which is computed once
+    return changed
+
+
+def write_results(
+    folder: Path,
+    cases: Mapping[Key, tuple[SectionFields, ContactLine] | Result],
+    model: ModelTable | None = None,
+    failed: Mapping[Key, str] | None = None,
+    thresholds: Sequence[Threshold] = (),
+) -> Path:
+    """Write a study's folder; `failed` names cases that did not reach their full load."""
+    tables: dict[str, list[pd.DataFrame]] = {"summary": [], "contact": [], "steps": []}
+    records = [
+        CaseRecord(socket=key[0], material_set=key[1], of=key, status="failed", message=why)
+        for key, why in (failed or {}).items()
+    ]
+    for key, case in cases.items():
+        made = case if isinstance(case, Result) else result(key, *case)
+        made.save(folder / made.record.name)
+        beyond = shares_beyond(made.quantities, made.line, thresholds)
+        summary = pd.concat([made.summary(), beyond]) if thresholds else made.summary()
+        for name, rows in (("summary", summary), ("contact", made.contact), ("steps", made.steps)):
+            tables[name].append(of_case(rows, key))
+        records.append(made.record)
+    for name, parts in tables.items():
+        path = folder / f"{name}.csv"
+        pd.concat(parts).to_csv(path, index=False, float_format=FLOAT_FORMAT)
+    run = study_record(records, model).model_dump(mode="json", exclude_none=True)
     write_json(folder / "run.json", run)
     return folder

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.simulation.checkpoint import Checkpoint
 from ring_model import ring_model
 
 CONTROLS = {
-    "with-secant": StepControl(first=0.2, largest=0.4, predict=True),
-    "without": StepControl(first=0.5, largest=0.5),
+    "with-secant": LoadSteps(first=0.2, largest=0.4, extrapolate=True),
+    "without": LoadSteps(first=0.5, largest=0.5),
 }
 
 
@@ -22,7 +22,7 @@ def main(control: str, first: str, last: str) -> None:
     model = ring_model(comm, h=6.0)
     start, end = (Checkpoint(Path(path), model, {}).load() for path in (first, last))
     assert start is not None and end is not None
-    stepper = Stepper(model, CONTROLS[control])
+    stepper = LoadStepper(model, CONTROLS[control])
     stepper.run(start)
 
     def largest(difference: np.ndarray) -> float:
@@ -30,7 +30,7 @@ def main(control: str, first: str, last: str) -> None:
 
     result = {
         "newton": [step.newton.iterations for step in stepper.steps],
-        "difference": largest(stepper.solver.x.array - end.unknowns.array),
+        "difference": largest(stepper.newton.x.array - end.unknowns.array),
         "arc_difference": largest(model.contact.converged_arc - end.converged_arc),
     }
     if comm.rank == 0:

@@ -7,8 +7,10 @@ import numpy as np
 from mpi4py import MPI
 
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.mechanics.problem import Model, SocketSupport
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
+from calfsocket.mechanics.problem import Problem
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
+from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 
@@ -22,16 +24,16 @@ SOCKET = (31.8, 36.0)
 TISSUES = {name: name for name in ("bone", "muscle", "fat", "skin", "socket")}
 
 
-def ring_model(comm: MPI.Comm, support: SocketSupport = "floating", h: float = 3.0) -> Model:
+def ring_model(comm: MPI.Comm, support: SocketSupport = "floating", h: float = 3.0) -> Problem:
     """Make the model; the overclosure of 0.2 mm is 0.6 % of the radius."""
     laws = MaterialSet.paper("separate").tissue_laws()
     section = ring_mesh(comm, LAYERS, SOCKET, h)
-    return Model(section, {name: laws[name] for name in section.regions}, socket_support=support)
+    return limb_problem(section, {name: laws[name] for name in section.regions}, support=support)
 
 
-def solved_ring(comm: MPI.Comm) -> Stepper:
+def solved_ring(comm: MPI.Comm) -> LoadStepper:
     """Solve it."""
-    stepper = Stepper(ring_model(comm), StepControl(first=0.5, largest=0.5))
+    stepper = LoadStepper(ring_model(comm), LoadSteps(first=0.5, largest=0.5))
     stepper.run()
     return stepper
 
@@ -39,11 +41,11 @@ def solved_ring(comm: MPI.Comm) -> Stepper:
 def describe(comm: MPI.Comm) -> dict[str, object] | None:
     """Sum the solved ring up, on rank 0."""
     stepper = solved_ring(comm)
-    fields = section_fields(stepper.model, TISSUES)
-    line = contact_line(stepper.model)
-    balance = stepper.model.force_balance(stepper.solver.x)
-    volume_ratio, region = stepper.model.smallest_volume_ratio()
-    negative = stepper.solver.negative_modes()
+    fields = section_fields(stepper.problem, TISSUES)
+    line = contact_line(stepper.problem)
+    balance = stepper.problem.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
+    volume_ratio, region = stepper.problem.smallest_volume_ratio()
+    negative = stepper.newton.negative_modes()
     if fields is None or line is None:
         return None
     return {

@@ -1,4 +1,4 @@
-"""Small sections with hand-made fields, shared by the tests of outcomes, files and pictures."""
+"""Small sections with hand-made fields, shared by the tests of quantities, files and pictures."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -164,5 +164,4 @@ def contact_around(
         gap_mm=np.where(pressure > 0, 0.0, 0.1),
         weight_mm=np.full(n, length / n),
         status=np.where(pressure > 0, "stick", "open"),
-        circumference_mm=length,
     )

@@ -9,7 +9,11 @@ from pathlib import Path
 
 import pytest
 
+import reliability
 from calfsocket import cli
+from calfsocket.simulation.record import CaseRecord
+from calfsocket.study.record import Recorder
+from calfsocket.study.study import Study
 from reliability import Trial
 
 TITLE = "Study files"
@@ -32,6 +36,8 @@ INCOMPRESSIBLE = "\n".join(
     f'{tissue} = {{ law = "yeoh", c10 = "1 kPa" }}'
     for tissue in ("skin", "fat", "muscle", "fascia", "vessel")
 )
+
+RECORD = CaseRecord(socket="HX", material_set="separate", of=("HX", "separate"))
 
 Make = Callable[[Path], Sequence[str]]
 """Makes a trial in a folder; returns the words of its command line."""
@@ -104,7 +110,7 @@ def another_json(folder: Path) -> Sequence[str]:
 
 
 def a_run_of_changed_cases(folder: Path) -> Sequence[str]:
-    return rerun(folder, cases={"HS_separate": {}})
+    return rerun(folder, cases={"HX_separate": RECORD.model_dump(mode="json")})
 
 
 def a_run_whose_petsc_writes(folder: Path) -> Sequence[str]:
@@ -113,19 +119,11 @@ def a_run_whose_petsc_writes(folder: Path) -> Sequence[str]:
 
 def rerun(folder: Path, **changed: object) -> Sequence[str]:
     """Write a run.json of TC_separate with something changed; return how to run it again."""
-    from calfsocket.meshes.data import load_limb, load_sockets
-
-    run = {
-        "study": {"content": {"study": {"sockets": ["TC"], "materials": ["separate"]}}},
-        "limb": load_limb().model_dump(mode="json"),
-        "sockets": load_sockets().model_dump(mode="json"),
-        "petsc_options": {},
-        "cases": {"TC_separate": {}},
-    }
-    run["study"] |= {"files": {}, "sha256": {}}
-    run |= changed
-    (folder / "run.json").write_text(json.dumps(run))
-    return ["run", str(folder / "run.json")]
+    plan = Study.paper().changed(chosen=["TC_separate"]).plan
+    Recorder(plan, folder, ranks=1)
+    path = folder / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changed))
+    return ["run", str(path)]
 
 
 def a_folder_that_cannot_be_made(folder: Path) -> Sequence[str]:
@@ -185,9 +183,9 @@ TRIALS = (
     Trial("a value where a table belongs", 'study = "mine"',
           ("study: is 'mine'; it must be a table",)),
     # Cases
-    Trial("no case", "[study]\n", ("study.sockets: names nothing", "TC, TSB, HS")),
+    Trial("no case", "[study]\n", ("study.sockets: is empty", "TC, TSB, HS")),
     Trial("no material set", '[study]\nsockets = ["TC"]\n', ("study.materials", "separate")),
-    Trial("an empty list of cases", "cases = []\n", ("study.sockets: names nothing",)),
+    Trial("an empty list of cases", "cases = []\n", ("study.sockets: is empty",)),
     Trial("a socket twice", edited('["TC", "mine"]', '["TC", "TC"]'), ("study.sockets", "twice")),
     Trial("an unknown socket", edited('["TC",', '["TCB",'), ("no socket 'TCB'", "'TC'")),
     Trial("an unknown material set", edited('"soft"]', '"sofd"]'), ("'sofd'", "'soft'")),
@@ -260,14 +258,15 @@ TRIALS = (
     Trial("a modulus in mPa", socket('like = "TC"\nmodulus = "459 mPa"'),
           ("sockets.mine.modulus: unit 'mPa'", "MPa")),
     Trial("a negative modulus of a wall", socket('like = "TC"\nmodulus = "-1 GPa"'),
-          ("sockets.mine", "e: is -1000.0", "greater than 0")),
+          ("sockets.mine.modulus: is '-1 GPa'", "greater than 0")),
     Trial("a wall with Poisson's ratio 0.5", socket('like = "TC"\npoisson = 0.5'),
           ("sockets.mine.poisson: is 0.5", "less than 0.5")),
     # Sockets
-    Trial("a socket of no kind", socket('title = "x"'), ("sockets.mine: is no socket", "outline")),
-    Trial("a socket of two kinds", socket('like = "TC"\nlaw = "circle_blend"'), ("is no socket",)),
-    Trial("a socket of an unknown law", socket('law = "cone"'), ("is no socket", "circle_blend")),
-    Trial("a socket like an unknown one", socket('like = "PTB"'), ("sockets.mine.like", "'TC'")),
+    Trial("a socket of no kind", socket('title = "x"'), ("mine: is not a socket", "outline")),
+    Trial("a socket of two kinds", socket('like = "TC"\nlaw = "circle_blend"'), ("not a socket",)),
+    Trial("a socket of an unknown law", socket('law = "cone"'), ("not a socket", "circle_blend")),
+    Trial("a socket like an unknown one", socket('like = "PTB"'),
+          ("sockets.mine: like: no socket 'PTB'", "TSB")),
     Trial("a base for a circle blend", socket('like = "HS"\nbase = "1 mm"'),
           ("sockets.mine: HS", "circle_blend", "no base")),
     Trial("an area reduced by 100 %", socket('like = "HS"\narea_reduction = "100 %"'),
@@ -314,21 +313,21 @@ TRIALS = (
     Trial("a binary material file", a_binary_material, ("fat.toml", "UTF-8")),
     Trial("a material file with a wrong unit", a_material_with_a_wrong_unit, ("fat.toml", "kilo")),
     # Thresholds, steps, sweep
-    Trial("a threshold of an unknown outcome",
-          GOOD + '[[thresholds]]\noutcome = "pain"\nvalue = "1 kPa"\n',
-          ("thresholds.0.outcome: is 'pain'", "contact_pressure")),
+    Trial("a threshold of an unknown quantity",
+          GOOD + '[[thresholds]]\nquantity = "pain"\nvalue = "1 kPa"\n',
+          ("thresholds.0.quantity: is 'pain'", "contact_pressure")),
     Trial("a threshold of contact in fat",
-          GOOD + '[[thresholds]]\noutcome = "contact_pressure"\ntissue = "fat"\nvalue = "1 kPa"\n',
+          GOOD + '[[thresholds]]\nquantity = "contact_pressure"\ntissue = "fat"\nvalue = "1 kPa"\n',
           ("thresholds.0", "tissue is 'fat'", "skin")),
     Trial("a threshold of strain in kPa",
-          GOOD + '[[thresholds]]\noutcome = "shear_log_strain"\nvalue = "1 kPa"\n',
+          GOOD + '[[thresholds]]\nquantity = "shear_log_strain"\nvalue = "1 kPa"\n',
           ("thresholds.0", "unit 'kPa'", "%")),
-    Trial("a threshold of 0 kPa", GOOD + '[[thresholds]]\noutcome = "pressure"\nvalue = "0 kPa"\n',
+    Trial("a threshold of 0 kPa", GOOD + '[[thresholds]]\nquantity = "pressure"\nvalue = "0 kPa"\n',
           ("thresholds.0", "above 0")),
     Trial("steps in the wrong order", GOOD + "[steps]\nfirst = 0.5\n", ("steps", "largest 0.25")),
     Trial("a first step of 0", GOOD + "[steps]\nfirst = 0\n", ("steps.first: is 0", "greater")),
     Trial("a sweep without parameters", GOOD + "[sweep.grid]\n", ("sweep.grid: is empty",)),
-    Trial("a sweep in no way", GOOD + "[sweep]\n", ("sweep: give either grid or list",)),
+    Trial("a sweep in no way", GOOD + "[sweep]\n", ("sweep: give one of grid, list and variants",)),
     Trial("a sweep over one value", GOOD + "[sweep.grid]\nmodel.friction = 0.2\n",
           ("sweep.grid.model.friction: is 0.2", "list of values")),
     Trial("a sweep with a value twice", GOOD + "[sweep.grid]\nmodel.friction = [0.2, 0.2]\n",
@@ -346,24 +345,24 @@ TRIALS = (
           ("sweep: with model.friction = -1", "greater than or equal to 0")),
     Trial("a sweep with lists of two lengths",
           GOOD + "[sweep.list]\nmodel.friction = [0.2, 0.4]\nmodel.gamma = [1.0]\n",
-          ("sweep.list", "model.gamma has 1 values", "sweep.grid")),
+          ("sweep.list", "model.gamma has 1 values", "a grid")),
     Trial("a sweep of a million points",
           GOOD + f"[sweep.grid]\nmodel.friction = {[i / 1000 for i in range(1000)]}\n"
           f"model.gamma = {[1 + i / 1000 for i in range(1000)]}\n",
-          ("sweep.grid: more than 1000 points",)),
+          ("sweep.grid: has more than 1000 points",)),
     # Other commands
-    Trial("half of a run.json", a_broken_run, ("run.json: is no JSON",)),
+    Trial("half of a run.json", a_broken_run, ("run.json: is not JSON",)),
     Trial("another file called run.json", another_json,
           ("run.json: is not the run.json of a study",)),
     Trial("a run.json whose cases were changed", a_run_of_changed_cases,
-          ("HS_separate", "changed")),
+          ("HX_separate", "changed")),
     Trial("a run.json that lets PETSc write a file", a_run_whose_petsc_writes,
           ("petsc_options.calfsocket_ksp_view_mat: is 'binary:/etc/x'", "command line")),
     Trial("results where no folder can be made", a_folder_that_cannot_be_made,
           ("/proc/calfsocket",)),
     Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,
           ("--out", "results")),
-    Trial("an example over a study", a_new_file_over_an_old_one, ("is there already",)),
+    Trial("an example over a study", a_new_file_over_an_old_one, ("exists; name another file",)),
     Trial("an example that is no TOML file", a_new_file_with_another_ending, (".toml",)),
     Trial("a picture that is no PNG", a_picture_with_another_ending, ("study.pdf", ".png")),
 )  # fmt: skip
@@ -395,7 +394,11 @@ def refused(words: Sequence[str]) -> str:
 
 def said(trial: Trial, folder: Path) -> str:
     """Return what a trial gives, without the folder's path."""
-    return refused(words_of(trial, folder)).replace(f"{folder}/", "").replace(str(folder), "FOLDER")
+    return shortened(refused(words_of(trial, folder)), folder)
+
+
+def shortened(line: str, folder: Path) -> str:
+    return line.replace(f"{folder}/", "").replace(str(folder), "FOLDER")
 
 
 @pytest.mark.parametrize("trial", TRIALS, ids=str)
@@ -411,6 +414,7 @@ def test_bad_input_gets_one_line(trial, tmp_path, monkeypatch):
     for part in trial.says:
         assert part in line
     assert len(line) < 600
+    assert reliability.row(trial, shortened(line, given)) in reliability.rows()
     assert list(work.iterdir()) == []
     assert {path: path.stat().st_size for path in given.iterdir()} == before
 

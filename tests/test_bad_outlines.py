@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import reliability
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.outline import read_outline
 from drawings import dxf
@@ -82,13 +83,13 @@ TRIALS = (
     Trial("a folder", ("folder.csv", Path.mkdir), ("is no file",)),
     Trial("a pipe that nobody writes to", ("pipe.csv", os.mkfifo), ("is no file",)),
     Trial("a file of 11 MB", ("large.csv", sparse), ("has 11 MB; at most 10 MB",)),
-    Trial("a spreadsheet", ("a.xlsx", "x"), (".xlsx is no format of outlines", ".csv, .dxf, .svg")),
-    Trial("no ending", ("outline", "x"), ("no ending is no format of outlines",)),
+    Trial("a spreadsheet", ("a.xlsx", "x"), (".xlsx is not an outline format", ".csv, .dxf, .svg")),
+    Trial("no extension", ("outline", "x"), ("no extension is not an outline format",)),
     Trial("an empty CSV", ("a.csv", ""), ("is empty; give a row `x, y`",)),
     Trial("a CSV of comments", ("a.csv", "# x, y\n\n"), ("is empty",)),
     Trial("a picture called CSV", ("a.csv", b"\x89PNG\r\n\x1a\n\0\0"), ("is not UTF-8 text",)),
     Trial("a CSV in Latin-1", ("a.csv", "# B\xf6schung\n".encode("latin-1")), ("not UTF-8",)),
-    Trial("prose", ("a.csv", "Dear socket,\nhello"), ("line 1", "is no point and no header")),
+    Trial("prose", ("a.csv", "Dear socket,\nhello"), ("line 1", "is neither a point nor a header")),
     Trial("other columns", ("a.csv", "x, z\n1, 2\n"), ("line 1: 'x, z'", "write `x, y`")),
     Trial("a header in cm", ("a.csv", "x [cm], y [cm]\n1, 2\n"), ("unit 'cm'", "in mm")),
     Trial(
@@ -97,10 +98,14 @@ TRIALS = (
         ("line 5: needs two cells, x and y in mm; has 3",),
     ),
     Trial("one column", ("a.csv", row(5, "1")), ("line 5: needs two cells, x and y in mm; has 1",)),
-    Trial("a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is no length",)),
-    Trial("NaN", ("a.csv", row(7, "nan, 2")), ("line 7: 'nan' is no length; give a number",)),
     Trial(
-        "infinity", ("a.csv", row(7, "1, 1e999")), ("line 7: '1e999' is no length; give a number",)
+        "a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is not a length",)
+    ),
+    Trial("NaN", ("a.csv", row(7, "nan, 2")), ("line 7: 'nan' is not a length; give a number",)),
+    Trial(
+        "infinity",
+        ("a.csv", row(7, "1, 1e999")),
+        ("line 7: '1e999' is not a length; give a number",),
     ),
     Trial("three points", ("a.csv", rows(CIRCLE[::30])), ("has 3 points", "needs 4 or more")),
     Trial("a header alone", ("a.csv", "x, y\n"), ("has 0 points",)),
@@ -146,10 +151,10 @@ TRIALS = (
         ("has 63000 points; at most 50000",),
     ),
     Trial("a rough outline", ("a.csv", rows(ROUGH)), ("so rough that", "smooth it")),
-    Trial("prose called DXF", ("a.dxf", "Dear socket,\nhello"), ("is no DXF drawing",)),
-    Trial("an empty DXF", ("a.dxf", b""), ("is no DXF drawing",)),
-    Trial("bytes called DXF", ("a.dxf", bytes(range(256))), ("is no DXF drawing",)),
-    Trial("a DXF cut short", ("a.dxf", cut_short), ("is no DXF drawing",)),
+    Trial("prose called DXF", ("a.dxf", "Dear socket,\nhello"), ("is not a readable DXF drawing",)),
+    Trial("an empty DXF", ("a.dxf", b""), ("is not a readable DXF drawing",)),
+    Trial("bytes called DXF", ("a.dxf", bytes(range(256))), ("is not a readable DXF drawing",)),
+    Trial("a DXF cut short", ("a.dxf", cut_short), ("is not a readable DXF drawing",)),
     Trial("a DXF with nothing in it", ("a.dxf", dxf(lambda s: None)), ("the drawing is empty",)),
     Trial(
         "an open polyline",
@@ -174,7 +179,7 @@ TRIALS = (
     Trial(
         "a text beside the outline",
         ("a.dxf", dxf(lambda s: (s.add_circle((0, 0), 55), s.add_text("TSB")))),
-        ("TEXT", "is no part of an outline"),
+        ("TEXT", "is not part of an outline"),
     ),
     Trial("an outline in a block", ("a.dxf", dxf(block)), ("INSERT", "explode blocks")),
     Trial(
@@ -195,18 +200,18 @@ TRIALS = (
     Trial(
         "a circle without radius",
         ("a.dxf", dxf(lambda s: s.add_circle((0, 0), 0))),
-        ("CIRCLE", "is no curve of finite size"),
+        ("CIRCLE", "is not a curve of finite size"),
     ),
     Trial(
         "a circle of NaN",
         ("a.dxf", dxf(lambda s: s.add_circle((0, 0), float("nan")))),
         ("CIRCLE",),
     ),
-    Trial("prose called SVG", ("a.svg", "Dear socket"), ("is no SVG drawing (syntax error",)),
-    Trial("an empty SVG file", ("a.svg", ""), ("is no SVG drawing (no element found",)),
+    Trial("prose called SVG", ("a.svg", "Dear socket"), ("is not an SVG drawing (syntax error",)),
+    Trial("an empty SVG file", ("a.svg", ""), ("is not an SVG drawing (no element found",)),
     Trial("a web page called SVG", ("a.svg", "<html></html>"), ("holds 'html'",)),
     Trial("an SVG with nothing in it", ("a.svg", svg("<g/>")), ("the drawing is empty",)),
-    Trial("an SVG that a bomb is hidden in", ("a.svg", LAUGHS), ("is no SVG drawing",)),
+    Trial("an SVG that a bomb is hidden in", ("a.svg", LAUGHS), ("is not an SVG drawing",)),
     Trial(
         "an open path",
         ("a.svg", svg(f'<path id="face" d="M {HALF}"/>')),
@@ -238,10 +243,12 @@ TRIALS = (
     Trial(
         "a rectangle",
         ("a.svg", svg('<rect width="100" height="80"/>')),
-        ("rect number 1: is no part of an outline",),
+        ("rect number 1: is not part of an outline",),
     ),
     Trial(
-        "a clone", ("a.svg", svg(f'{CIRCLE_SVG}<use href="#face"/>')), ("use number 2: is no part",)
+        "a clone",
+        ("a.svg", svg(f'{CIRCLE_SVG}<use href="#face"/>')),
+        ("use number 2: is not part",),
     ),
     Trial(
         "a transform of words",
@@ -304,3 +311,4 @@ def test_an_outline_that_cannot_be_used_is_refused_in_one_line(
     assert len(line) < 400
     for part in trial.says:
         assert part in line
+    assert reliability.row(trial, line) in reliability.rows()

@@ -14,25 +14,25 @@ from calfsocket import cli
 from calfsocket.calibration import figure, report
 from calfsocket.calibration.fit import SMALLEST_ALPHA, Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
+from calfsocket.calibration.names import (
+    CURVES_FILE,
+    FITTED,
+    IGNORED,
+    SEPARATE,
+    TABLE1,
+)
+from calfsocket.calibration.record import CalibrationRecord
 from calfsocket.calibration.run import Settings, calibrate
 from calfsocket.calibration.specimen import Specimen, compound_specimen
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError, SolveError
 from calfsocket.materials.file import read_material
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import MUSCLE, SOCKET
 from calfsocket.meshes.compound import Compound, load_compound
-from calfsocket.meshes.data import load_limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import mesh_size
-from calfsocket.report.calibration import (
-    CURVES_FILE,
-    FITTED,
-    IGNORED,
-    RESULT_FILE,
-    SEPARATE,
-    TABLE1,
-)
 
 COARSE = replace(mesh_size("coarse"), largest=8.0, growth=1.5)
 
@@ -56,7 +56,7 @@ DISPLACEMENTS = np.array([0.6, 1.2, 1.8, 2.4])
 
 @pytest.fixture(scope="module")
 def combined(specimen) -> Indentation:
-    return Indentation(specimen, MaterialSet.paper("combined").tissue_laws(), ContactParameters())
+    return Indentation(specimen, MaterialSet.paper("combined").tissue_laws(), Contact())
 
 
 def laws(law: Ogden) -> dict:
@@ -72,7 +72,7 @@ def test_one_material_between_smooth_sides_is_compressed_as_on_paper():
     test = Indentation(
         compound_specimen(MPI.COMM_SELF, compound, COARSE),
         dict.fromkeys(("skin", "fat", "fascia", "muscle", "bone"), law) | {"socket": SOCKET},
-        ContactParameters(fric_coeff=0.0),
+        Contact(friction=0.0),
     )
     curve = test.curve(np.array([1.0, 3.0]), count_modes=True)
     stretch = 1 - curve.displacement / compound.top
@@ -89,7 +89,7 @@ def test_a_curve_does_not_depend_on_the_ones_before(specimen, combined):
     combined.curve(DISPLACEMENTS)
     combined.set_laws(laws(law))
     again = combined.curve(DISPLACEMENTS)
-    fresh = Indentation(specimen, laws(law), ContactParameters()).curve(DISPLACEMENTS)
+    fresh = Indentation(specimen, laws(law), Contact()).curve(DISPLACEMENTS)
     assert again.newton_iterations < fresh.newton_iterations
     np.testing.assert_allclose(again.force, fresh.force, rtol=1e-6)
 
@@ -109,15 +109,14 @@ def test_curves_of_neighbouring_laws_are_exact_to_second_order(combined):
 
 def test_a_step_too_long_is_halved(combined):
     combined.set_laws(laws(ogden(9e-3, 10.0)))
-    whole = Indentation(combined.specimen, laws(ogden(9e-3, 10.0)), ContactParameters())
-    solve, failures = whole._drive.solve, [True, False, True]
+    whole = Indentation(combined.specimen, laws(ogden(9e-3, 10.0)), Contact())
+    newton, failures = whole._motion.stepper.newton, [True, False, True]
+    solve = newton.solve
 
     def fail_at_times():
-        if failures and failures.pop(0):
-            raise SolveError("as if Newton's method had failed")
-        return solve()
+        return replace(solve(), converged=not (failures and failures.pop(0)))
 
-    whole._drive.solve = fail_at_times
+    newton.solve = fail_at_times
     curve = whole.curve(np.array([1.2]))
     # 1.2 fails; 0.6 is found; the next 0.6 fails; 0.3 and 0.3 are found.
     assert curve.cutbacks == 2
@@ -126,12 +125,11 @@ def test_a_step_too_long_is_halved(combined):
 
 
 def test_no_equilibrium_at_all_is_said(specimen):
-    test = Indentation(specimen, MaterialSet.paper("combined").tissue_laws(), ContactParameters())
+    test = Indentation(specimen, MaterialSet.paper("combined").tissue_laws(), Contact())
 
-    def fail():
-        raise SolveError("never")
-
-    test._drive.solve = fail
+    newton = test._motion.stepper.newton
+    solve = newton.solve
+    newton.solve = lambda: replace(solve(), converged=False)
     with pytest.raises(SolveError, match=r"compound: no equilibrium within 0\.018"):
         test.curve(np.array([0.6]))
 
@@ -207,7 +205,7 @@ def test_kinds_of_laws_cannot_change(combined):
 
 def test_calibration_from_start_to_files(tmp_path):
     settings = Settings(
-        compound=small_compound(), limb=load_limb(), points=4, starts=(ogden(10e-3, 8.0),)
+        compound=small_compound(), limb=Limb.reference(), points=4, starts=(ogden(10e-3, 8.0),)
     )
     lines: list[str] = []
     result = calibrate(MPI.COMM_SELF, settings, lines.append)
@@ -233,12 +231,14 @@ def test_calibration_from_start_to_files(tmp_path):
     assert isinstance(law, Ogden)
     assert law.mu == pytest.approx(result.law.mu)
     assert law.alpha == pytest.approx(result.law.alpha)
-    content = json.loads((tmp_path / RESULT_FILE).read_text())
-    assert content["fits"][0]["mu_kPa"] == pytest.approx(1e3 * result.law.mu[0])
-    assert content["inputs"]["geometry"]["stroke"] == 2.4
-    assert content["inputs"]["laws"]["muscle"]["alpha"] == list(MUSCLE.alpha)
-    assert content["versions"]["calfsocket"]
-    assert math.isclose(content["deviation_from_separate"][IGNORED], result.deviation(IGNORED))
+    record = CalibrationRecord.read(tmp_path)
+    made = report.record(result, settings)
+    assert record.model_dump(mode="json") == made.model_dump(mode="json")
+    assert record.fits[0].mu_kPa == pytest.approx(1e3 * result.law.mu[0])
+    assert record.inputs.geometry["stroke"] == 2.4
+    assert record.inputs.laws["muscle"]["alpha"] == list(MUSCLE.alpha)
+    assert record.versions["calfsocket"]
+    assert math.isclose(record.deviation_from_separate[IGNORED], result.deviation(IGNORED))
 
     console = Console(width=100, record=True, file=(tmp_path / "shown").open("w"))
     report.show(result, console)
@@ -276,7 +276,7 @@ def test_far_off_starts_find_the_same_minimum_on_the_default_compound():
     # Without the rough search the second one ends at 2.2 kPa and the largest alpha, 10 % off.
     starts = (ogden(3e-3, 3.0), ogden(40e-3, 30.0))
     result = calibrate(
-        MPI.COMM_SELF, Settings(compound=load_compound(), limb=load_limb(), starts=starts)
+        MPI.COMM_SELF, Settings(compound=load_compound(), limb=Limb.reference(), starts=starts)
     )
     best, other = result.fits
     assert other.rms == pytest.approx(best.rms, rel=1e-3)
@@ -289,15 +289,15 @@ def test_far_off_starts_find_the_same_minimum_on_the_default_compound():
 def test_curves_are_the_same_on_several_ranks(mpirun):
     program = (
         "import numpy as np; from mpi4py import MPI; from calfsocket import compilation;"
-        "compilation.warm(MPI.COMM_WORLD);"
+        "precompile(MPI.COMM_WORLD);"
         "from calfsocket.calibration.indentation import Indentation;"
         "from calfsocket.calibration.specimen import compound_specimen;"
-        "from calfsocket.contact.nitsche import ContactParameters;"
+        "from calfsocket.contact.parameters import Contact;"
         "from calfsocket.meshes.compound import load_compound;"
         "from calfsocket.meshes.sizing import mesh_size;"
         "from calfsocket.materials.material_set import MaterialSet;"
         "s = compound_specimen(MPI.COMM_WORLD, load_compound(), mesh_size('coarse'));"
-        "t = Indentation(s, MaterialSet.paper('separate').tissue_laws(), ContactParameters());"
+        "t = Indentation(s, MaterialSet.paper('separate').tissue_laws(), Contact());"
         "c = t.curve(np.array([0.6, 1.2]), count_modes=True);"
         "print(c.force.tolist() + c.negative_modes.tolist()) if MPI.COMM_WORLD.rank == 0 else None"
     )

@@ -6,13 +6,13 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.forms import mixed
 from calfsocket.forms.element import section_element
 from calfsocket.materials.laws import Hencky, Ogden, Yeoh
 from calfsocket.mechanics.kernels import cells
 from calfsocket.mechanics.kernels import library as native
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.meshes.rings import ring_mesh
 
 LAYERS = [("bone", 10.0, 14.0), ("muscle", 14.0, 29.0), ("fascia", 29.0, 30.0), ("skin", 30, 32.0)]
@@ -29,7 +29,7 @@ TWO_TERMS = SOFT | {"muscle": Ogden(mu=(0.7, -0.1), alpha=(4.6, -3.0), d1=0.02)}
 
 def ring(laws=SOFT, **settings):
     section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=4.0)
-    model = Model(section, {name: laws[name] for name in section.regions}, **settings)
+    model = limb_problem(section, {name: laws[name] for name in section.regions}, **settings)
     rng = np.random.default_rng(3)
     model.w.x.array[:] = 0.01 * rng.normal(size=len(model.w.x.array))
     return model
@@ -44,9 +44,11 @@ def by_loops(model):
 def by_dolfinx(model):
     dx = mixed.volume_measure(model.section.mesh, model.fields.tags)
     residual = mixed.residual(model.w, model.fields.materials, dx)
-    if hasattr(model, "bedding"):
-        u, anchor = ufl.split(model.w)[0], ufl.split(model.anchor)[0]
-        residual += model.bedding * ufl.inner(u - anchor, ufl.TestFunctions(model.V)[0]) * dx
+    if model.foundation is not None:
+        u, anchor = ufl.split(model.w)[0], ufl.split(model.foundation.anchor)[0]
+        residual += (
+            model.foundation.stiffness * ufl.inner(u - anchor, ufl.TestFunctions(model.V)[0]) * dx
+        )
     return fem.assemble_vector(fem.form(residual)).array
 
 
@@ -76,13 +78,14 @@ def test_cells_may_be_turned_over():
     np.testing.assert_allclose(by_loops(model), expected, rtol=0, atol=1e-13 * abs(expected).max())
 
 
-def test_bedding_is_in_the_residual():
+def test_an_elastic_foundation_is_in_the_residual():
     """A spring to where it is at rest, of its own stiffness in each cell."""
-    model = ring(contact=ContactParameters(fric_coeff=0.0))
+    model = ring(contact=Contact(friction=0.0))
     rng = np.random.default_rng(4)
     without = by_loops(model)
-    model.bedding.x.array[:] = rng.uniform(1.0, 2.0, len(model.bedding.x.array))
-    model.anchor.x.array[:] = 0.01 * rng.normal(size=len(model.anchor.x.array))
+    stiffness, anchor = (f.x.array for f in (model.foundation.stiffness, model.foundation.anchor))
+    stiffness[:] = rng.uniform(1.0, 2.0, len(stiffness))
+    anchor[:] = 0.01 * rng.normal(size=len(anchor))
     expected = by_dolfinx(model)
     np.testing.assert_allclose(by_loops(model), expected, rtol=0, atol=1e-13 * abs(expected).max())
     assert abs(without - expected).max() > 1e-3 * abs(expected).max()

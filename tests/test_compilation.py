@@ -6,11 +6,11 @@ import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.kernels import library
-from calfsocket.mechanics.problem import Model
+from calfsocket.contact.parameters import Contact
+from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.simulation import precompile as compilation
@@ -22,7 +22,7 @@ def use(material_set, friction, h):
     section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
     laws = MaterialSet.paper(material_set, "tables" if h > 4 else "printed").tissue_laws()
     regions = {name: laws[name] for name in section.regions}
-    model = Model(section, regions, ContactParameters(fric_coeff=friction))
+    model = limb_problem(section, regions, Contact(friction=friction))
     model.create_matrix()
     section_fields(model, {name: name for name in section.regions})
     contact_line(model)
@@ -35,7 +35,7 @@ def test_each_kind_of_law_is_compiled_once(monkeypatch, tmp_path):
     monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", {})
     two = Ogden(mu=(1.0, 2.0), alpha=(3.0, -4.0), d1=0.0)
     paper = MaterialSet.paper("separate")
-    compilation.warm(MPI.COMM_SELF, [paper, paper.replace(skin=two), paper])
+    compilation.precompile(MPI.COMM_SELF, [paper, paper.replace(skin=two), paper])
     # Once a kind of law at the skin's surface, each with all kinds within.
     assert [law.name for law, *_ in compiled] == ["ogden", "ogden"]
     assert [len(law.mu) for law, *_ in compiled] == [1, 2]
@@ -67,7 +67,7 @@ def test_only_what_a_dead_process_left_half_compiled_is_thrown_away(
     with (tmp_path / ".users").open("a") as other:
         if another_lives:
             fcntl.flock(other, fcntl.LOCK_SH)
-        compilation.warm(MPI.COMM_SELF)
+        compilation.precompile(MPI.COMM_SELF)
         assert (tmp_path / "half.c").exists() == another_lives
         assert (tmp_path / "whole.c").exists() and (tmp_path / "whole.c.cached").exists()
         assert not (tmp_path / "marker.c.cached").exists()

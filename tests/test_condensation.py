@@ -10,12 +10,14 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.forms import mixed
 from calfsocket.materials.laws import Hencky
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.mechanics.newton import Solver
-from calfsocket.mechanics.problem import LARGEST_BULK_RATIO, SUPPORT_STIFFNESS, Model
+from calfsocket.mechanics.constraints import Constraint
+from calfsocket.mechanics.limb_problem import SUPPORT_STIFFNESS, limb_problem
+from calfsocket.mechanics.newton import Newton
+from calfsocket.mechanics.problem import LARGEST_BULK_RATIO, Problem
 from calfsocket.meshes.rings import ring_mesh
 
 LAYERS = [
@@ -34,26 +36,26 @@ STIFF = SEPARATE | {"muscle": Hencky(e=0.05, nu=3298 / 6602)}
 
 def ring(h=4.0, laws=SEPARATE, **settings):
     section = ring_mesh(MPI.COMM_SELF, LAYERS, (31.9, 36.0), h=h)
-    return Model(section, {name: laws[name] for name in section.regions}, **settings)
+    return limb_problem(section, {name: laws[name] for name in section.regions}, **settings)
 
 
 def state(model, size=1e-3, seed=3):
     """A state that is no equilibrium, its tangent, and its solver."""
-    solver = Solver(model)
+    solver = Newton(model)
     x = solver.x
     x.array[:] = size * np.random.default_rng(seed).normal(size=x.getLocalSize())
-    x.array[model.held] = 0.0
-    model.contact.load = 0.5
+    x.array[model.constrained] = 0.0
+    model.load = 0.5
     solver.factorise()
     return solver
 
 
 def assembled(model):
     """The tissues' tangent by dolfinx, from the same weak form that has the residual."""
-    dx = mixed.volume_measure(model.section.mesh, model.fields.tags)
-    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields.materials, dx)))
+    dx = mixed.volume_measure(model.section.mesh, model.law_tags)
+    A = fem_petsc.assemble_matrix(fem.form(mixed.tangent(model.w, model.fields, dx)))
     A.assemble()
-    A.zeroRowsColumns(model.held.astype(PETSc.IntType), diag=1.0)
+    A.zeroRowsColumns(model.constrained.astype(PETSc.IntType), diag=1.0)
     return A
 
 
@@ -93,35 +95,37 @@ def test_product_is_that_of_the_assembled_form(laws):
 
 
 def test_solution_is_that_of_the_assembled_form():
-    model = ring(socket_support="outer-fixed")  # without contact nothing else holds it
+    model = ring(support="outer-fixed")  # without contact nothing else holds it
     without_contact(model)
     solver = state(model)
     v = random_vector(solver)
     assert (solver.correction(assembled(model) * v) - v).norm() < 1e-9 * v.norm()
 
 
-@pytest.mark.parametrize("fric_coeff", [0.0, 0.4])
-def test_solution_undoes_the_product_with_contact(fric_coeff):
-    solver = state(ring(contact=ContactParameters(fric_coeff=fric_coeff)))
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_solution_undoes_the_product_with_contact(friction):
+    solver = state(ring(contact=Contact(friction=friction)))
     v = random_vector(solver)
     assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
 
 
-def test_bedding_is_in_the_product():
-    """Of a floating, frictionless socket; K(bedding) - K = bedding times the mass matrix."""
-    with_bedding = ring(contact=ContactParameters(fric_coeff=0.0))
-    without = ring(contact=ContactParameters(fric_coeff=0.0))
-    without.bedding.x.array[:] = 0.0
-    with_bedding.bedding.x.array[:] *= 1e5  # to be seen beside PETG
-    solvers = [state(model) for model in (with_bedding, without)]
+def test_an_elastic_foundation_is_in_the_product():
+    """Of a floating, frictionless socket; it adds its stiffness times the mass matrix."""
+    founded, free = ring(contact=Contact(friction=0.0)), ring()
+    solvers = [state(model) for model in (founded, free)]
+    np.testing.assert_equal(np.unique(founded.foundation.stiffness.x.array), [0, SUPPORT_STIFFNESS])
+    founded.foundation.stiffness.x.array[:] *= 1e5  # to be seen beside PETG
+    for solver, model in zip(solvers, (founded, free), strict=True):
+        without_contact(model)
+        solver.factorise()
     one = solvers[0].x.duplicate()
-    shift, parent = with_bedding.V.sub(0).sub(0).collapse()
+    shift, parent = founded.V.sub(0).sub(0).collapse()
     ones = fem.Function(shift)
     ones.interpolate(lambda x: np.ones(x.shape[1]))
     one.array[np.asarray(parent)] = ones.x.array
     force = (product(solvers[0], one) - product(solvers[1], one)).array
-    dx = ufl.Measure("dx", with_bedding.section.mesh, subdomain_data=with_bedding.section.cell_tags)
-    area = fem.assemble_scalar(fem.form(1.0 * dx(with_bedding.section.regions["socket"])))
+    dx = ufl.Measure("dx", founded.section.mesh, subdomain_data=founded.section.cell_tags)
+    area = fem.assemble_scalar(fem.form(1.0 * dx(founded.section.regions["socket"])))
     total = force[np.asarray(parent)] @ ones.x.array
     assert total == pytest.approx(1e5 * SUPPORT_STIFFNESS * area, rel=1e-6)
 
@@ -135,14 +139,14 @@ def test_a_constant_pressure_stays_outside_only_where_volume_is_stiff():
     for ratio, outside in ((0.99 * LARGEST_BULK_RATIO, False), (1.01 * LARGEST_BULK_RATIO, True)):
         nu = (3 * ratio - 2) / (6 * ratio + 2)
         laws = {name: SEPARATE[name] for name in model.section.regions}
-        stiff = Model(model.section, laws | {"muscle": Hencky(e=0.05, nu=nu)})
+        stiff = limb_problem(model.section, laws | {"muscle": Hencky(e=0.05, nu=nu)})
         muscle = model.section.cell_tags.find(model.section.regions["muscle"])
         assert np.all(stiff._keeps_constant()[muscle] == outside)
 
 
 def test_condensed_inertia_counts_as_the_whole_does():
     """Sylvester: negative eigenvalues of the whole are those inside and those of the rest."""
-    model = ring(h=6.0, socket_support="outer-fixed")
+    model = ring(h=6.0, support="outer-fixed")
     without_contact(model)
     solver = state(model)
     model.contact.constraint_tangent = model.contact.tangent
@@ -190,7 +194,7 @@ def test_laws_that_become_incompressible_keep_their_constant_pressure():
     solver = state(model)
     outside = len(solver._A.getPythonContext()._dofs)
     muscle = SEPARATE["muscle"]
-    model.set_laws({"muscle": muscle.model_copy(update={"d1": 0.0})})
+    model.set_laws({"muscle": replace(muscle, d1=0.0)})
     solver.factorise()
     cells_of_muscle = model.section.cell_tags.find(model.section.regions["muscle"])
     assert len(solver._A.getPythonContext()._dofs) == outside + len(cells_of_muscle)
@@ -199,3 +203,25 @@ def test_laws_that_become_incompressible_keep_their_constant_pressure():
     model.set_laws({"muscle": muscle})
     solver.factorise()
     assert len(solver._A.getPythonContext()._dofs) == outside
+
+
+def test_prescribed_values_are_in_product_and_solution():
+    """Unknowns that are away from their value pull on their neighbours, in every tissue."""
+    laws = {**SEPARATE, "muscle": STIFF["muscle"]}
+    layers = ring_mesh(MPI.COMM_SELF, LAYERS, None, 4.0)
+    pulled = [
+        Constraint("tibia_medullary"),
+        Constraint("skin_surface", values=lambda x: 0.01 * x),
+    ]
+    problem = Problem(layers, {name: laws[name] for name in layers.regions}, pulled)
+    newton = Newton(problem)
+    newton.x.array[:] = 1e-3 * np.random.default_rng(3).normal(size=newton.x.getLocalSize())
+    newton.factorise()
+    dx = mixed.volume_measure(layers.mesh, problem.law_tags)
+    whole = fem_petsc.assemble_matrix(fem.form(mixed.tangent(problem.w, problem.fields, dx)))
+    whole.assemble()
+    whole.zeroRows(problem.constrained.astype(PETSc.IntType), diag=1.0)
+    v = random_vector(newton)
+    expected = whole * v
+    assert (product(newton, v) - expected).norm() < 1e-13 * expected.norm()
+    assert (newton.correction(expected) - v).norm() < 1e-8 * v.norm()

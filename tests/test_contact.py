@@ -1,13 +1,12 @@
 """The contact of single points, without a mesh: projection, friction, exact tangent."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from calfsocket.contact import nitsche
 from calfsocket.contact.friction import OPEN, SLIP, STICK, coulomb
-from calfsocket.contact.nitsche import ContactParameters, ContactState, SkinPoints
+from calfsocket.contact.nitsche import ContactState, SkinPoints
+from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
 
 
@@ -102,7 +101,7 @@ def test_points_beyond_the_ends_of_an_open_chain_have_no_partner():
     # A nominal pressure of 1 MPa outweighs the gaps of at most 0.2 mm everywhere.
     pressed_down = np.tile([0.0, -1.0], (6, 1))
     state = nitsche.contact_state(
-        points, pressed_down, at, np.zeros(6), np.zeros(6), ContactParameters(fric_coeff=0.0)
+        points, pressed_down, at, np.zeros(6), np.zeros(6), Contact(friction=0.0)
     )
     np.testing.assert_array_equal(state.traction.pressure > 0, partners)
 
@@ -155,7 +154,7 @@ def test_coulomb_by_hand():
     np.testing.assert_allclose(law.shear, [0.0, 0.39, 0.4, -0.8])
 
 
-def case(seed: int, shear: float, gap: float, fric_coeff: float = 0.4):
+def case(seed: int, shear: float, gap: float, friction: float = 0.4):
     """Random points near a randomly bent socket, with a traction linear in their unknowns."""
     rng = np.random.default_rng(seed)
     n, k = 12, 5
@@ -167,7 +166,7 @@ def case(seed: int, shear: float, gap: float, fric_coeff: float = 0.4):
     stress = rng.normal(size=(n, 2, k))
     pressed = -radial + shear * np.stack([-radial[:, 1], radial[:, 0]], axis=1)
     points = SkinPoints(reference=rest, weight=rng.uniform(0.1, 0.2, n), shape=shape)
-    parameters = ContactParameters(fric_coeff=fric_coeff, gamma=0.7, gamma_t=0.3)
+    parameters = Contact(friction=friction, gamma=0.7, gamma_t=0.3)
     bend = 0.02 * rng.normal(size=(24, 2, 2))
     displacement = np.concatenate([bend, np.zeros((24, 1, 2))], axis=1)
     displacement[:, 1] = np.roll(displacement[:, 0], -1, axis=0)
@@ -199,7 +198,9 @@ def test_tangent_is_the_derivative_of_the_residual(shear, gap, expected):
     unknowns = np.zeros((n, k))
     state, traction = evaluate(data, unknowns, displacement)
     assert np.all(state.traction.status == expected)
-    exact, by_traction = nitsche.tangent(points, state, traction, parameters)
+    exact, by_traction = nitsche.tangent(
+        points, state, traction, parameters.gamma, parameters.gamma_t
+    )
     exact[:, :, :k] += by_traction @ stress
     edge = state.projection.edge
 
@@ -230,12 +231,12 @@ def test_tangent_moves_with_each_parameter():
     _, points, parameters, _, _, _, displacement, _ = data
     state, traction = evaluate(data, np.zeros((12, 5)), displacement)
 
-    def matrix(p: ContactParameters) -> np.ndarray:
-        return nitsche.tangent(points, state, traction, p)[0]
+    def matrix(p: Contact) -> np.ndarray:
+        return nitsche.tangent(points, state, traction, p.gamma, p.gamma_t)[0]
 
     base = matrix(parameters)
     for change in ({"gamma": 0.8}, {"gamma_t": 0.4}):
-        assert np.abs(matrix(replace(parameters, **change)) - base).max() > 1e-3
+        assert np.abs(matrix(parameters.model_copy(update=change)) - base).max() > 1e-3
 
 
 def test_traction_on_the_socket_balances_that_on_the_skin():
@@ -250,7 +251,7 @@ def test_traction_on_the_socket_balances_that_on_the_skin():
 
 def test_settled_slip_gives_the_shear_back():
     """Open, stick and slip both ways; T.e by hand, gamma_t 0.5, limit 0.4 * 2."""
-    parameters = ContactParameters(fric_coeff=0.4, gamma_t=0.5)
+    parameters = Contact(friction=0.4, gamma_t=0.5)
     pressure, own = np.array([-1.0, 2.0, 2.0, 2.0]), np.array([0.3, 0.3, 0.6, -0.6])
     slip = np.array([0.7, 0.2, -1.0, 1.0])
     trial = own - 0.5 * slip

@@ -16,9 +16,9 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
-from calfsocket.simulation import precompile as compilation
-from calfsocket.study import restart as resume
-from calfsocket.study.study import run_study
+from calfsocket.simulation import simulation
+from calfsocket.simulation.precompile import precompile
+from calfsocket.study import restart, runner
 from reliability import Trial
 from tiny_study import Fault, tiny_study
 
@@ -57,52 +57,52 @@ TRIALS = (
     fails(
         "no memory for the matrix",
         "out of memory; use a coarser mesh or fewer ranks at a time",
-        "calfsocket.mechanics.problem:Model.create_matrix",
+        "calfsocket.mechanics.problem:Problem.create_matrix",
         error="MemoryError",
         words=(),
     ),
     fails(
         "an exception in the residual, inside PETSc",
         "RuntimeError: injected",
-        "calfsocket.mechanics.problem:Model.residual",
+        "calfsocket.mechanics.problem:Problem.residual",
         call=9,
     ),
     fails(
         "an exception in the tangent, inside PETSc",
         "ZeroDivisionError: injected",
-        "calfsocket.mechanics.problem:Model.tangent",
+        "calfsocket.mechanics.problem:Problem.tangent",
         call=6,
         error="ZeroDivisionError",
     ),
     fails(
         "Newton's method finds no equilibrium",
         "no equilibrium between load 0.2500 and 0.2550",
-        "calfsocket.mechanics.stepping:Stepper.run",
+        "calfsocket.mechanics.stepping:LoadStepper.run",
         error="SolveError",
         words=("no equilibrium between load 0.2500 and 0.2550",),
     ),
     fails(
         "an exception in the checks of a result",
         "RuntimeError: injected",
-        "calfsocket.mechanics.problem:Model.force_balance",
+        "calfsocket.mechanics.problem:Problem.force_balance",
     ),
     fails(
-        "an exception in the outcomes",
+        "an exception in the quantities",
         "IndexError: injected",
-        "calfsocket.study.runner:section_fields",
+        "calfsocket.simulation.simulation:section_fields",
         error="IndexError",
     ),
     fails(
         "no space for the fields",
         "fields.vtu: cannot be written: No space left on device; free some space",
-        "calfsocket.io.files:_vtu",
+        "calfsocket.postprocess.vtu:_vtu",
         error="OSError",
         words=FULL,
     ),
     passes(
         "no space for a step while solving",
         "said once, and the steps are written at the end",
-        "calfsocket.study.runner:_merge",
+        "calfsocket.study.runner:_CaseRunner._merge",
         error="OSError",
         words=FULL,
     ),
@@ -116,7 +116,7 @@ TRIALS = (
     passes(
         "no space for run.json when a case ends",
         "said, and written when there is space",
-        "calfsocket.study.record:_cases_table",
+        "calfsocket.study.record:cases_table",
         call=2,
         error="OSError",
         words=FULL,
@@ -124,29 +124,30 @@ TRIALS = (
     passes(
         "an exception while the picture is drawn",
         "said; `calfsocket picture` can draw it later",
-        "calfsocket.plotting.case:draw",
+        "calfsocket.plotting.case:save",
     ),
 )  # fmt: skip
 
 
 @pytest.fixture(autouse=True)
-def warmed(monkeypatch):
+def without_precompiling(monkeypatch):
     """Forms are compiled once for all: rank 0 solves a ring for that, which faults would strike."""
-    if not warmed_once:
-        compilation.warm(MPI.COMM_SELF)
-        warmed_once.append(True)
-    monkeypatch.setattr(compilation, "warm", lambda *_: None)
+    if not precompiled:
+        precompile(MPI.COMM_SELF)
+        precompiled.append(True)
+    for module in (runner, simulation):
+        monkeypatch.setattr(module, "precompile", lambda *_: None)
 
 
-warmed_once: list[bool] = []
+precompiled: list[bool] = []
 
 
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory):
     """Results of a study that nothing happened to."""
-    compilation.warm(MPI.COMM_SELF)
+    precompile(MPI.COMM_SELF)
     out = tmp_path_factory.mktemp("unbroken")
-    assert run_study(MPI.COMM_SELF, tiny_study(out))
+    assert tiny_study(out).run()
     return out
 
 
@@ -177,7 +178,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
     owner, name = trial.given.owner()
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, trial.given.put_into(getattr(owner, name)))
-        solved = run_study(MPI.COMM_SELF, study)
+        solved = study.run()
     assert (tmp_path / "injected-0").exists()
     assert solved == (not trial.says)
     found = entries(out)
@@ -192,7 +193,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
         # An equilibrium below the full load is written, too, for who wants to know why.
         expected = {"A", "B"} if trial.given.error == "SolveError" else {"B"}
         assert set(pd.read_csv(out / "summary.csv").socket) == expected
-        assert run_study(MPI.COMM_SELF, study, go_on=True)
+        assert study.run(resume=True)
         assert "B_combined: solved already" in caplog.text
     else:
         assert caplog.text.count(trial.given.words[-1]) == 1
@@ -201,10 +202,10 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
 
 def test_the_fault_is_in_run_json_with_its_place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fault = Fault("calfsocket.mechanics.problem:Model.residual", call=5)
+    fault = Fault("calfsocket.mechanics.problem:Problem.residual", call=5)
     owner, name = fault.owner()
     monkeypatch.setattr(owner, name, fault.put_into(getattr(owner, name)))
-    assert not run_study(MPI.COMM_SELF, tiny_study(tmp_path / "r", ("A",)))
+    assert not tiny_study(tmp_path / "r", ("A",)).run()
     trace = "".join(entries(tmp_path / "r")["A_combined"]["traceback"])
     assert "stepping.py" in trace and "RuntimeError: injected" in trace
 
@@ -213,11 +214,11 @@ def test_the_fault_is_in_run_json_with_its_place(tmp_path, monkeypatch):
 def test_who_wants_to_end_is_not_a_failing_case(stop, tmp_path, monkeypatch):
     """Ctrl-C inside a callback of PETSc comes out as Ctrl-C."""
     monkeypatch.chdir(tmp_path)
-    fault = Fault("calfsocket.mechanics.problem:Model.tangent", call=5, error=stop.__name__)
+    fault = Fault("calfsocket.mechanics.problem:Problem.tangent", call=5, error=stop.__name__)
     owner, name = fault.owner()
     monkeypatch.setattr(owner, name, fault.put_into(getattr(owner, name)))
     with pytest.raises(stop):
-        run_study(MPI.COMM_SELF, tiny_study(tmp_path / "r"))
+        tiny_study(tmp_path / "r").run()
     assert {entry["status"] for entry in entries(tmp_path / "r").values()} == {"running"}
 
 
@@ -247,11 +248,11 @@ def test_results_that_are_not_whole_are_made_anew(file, damage, unbroken, tmp_pa
     damage(out / file)
     study = tiny_study(out)
     if file == "steps.csv":  # not a table: nothing can be put into it
-        assert not run_study(MPI.COMM_SELF, study, go_on=True)
+        assert not study.run(resume=True)
         assert "steps.csv" in entries(out)["A_combined"]["message"]
         return
-    assert run_study(MPI.COMM_SELF, study, go_on=True)
-    assert f"A_combined: solved anew, missing or changed since: {file}" in caplog.text
+    assert study.run(resume=True)
+    assert f"A_combined: solved again, missing or changed since: {file}" in caplog.text
     assert same_results(out, unbroken)
 
 
@@ -259,7 +260,7 @@ def test_nothing_to_do_changes_nothing(unbroken, tmp_path):
     out = tmp_path / "results"
     subprocess.run(["cp", "-r", unbroken, out], check=True)
     before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    assert run_study(MPI.COMM_SELF, tiny_study(out), go_on=True)
+    assert tiny_study(out).run(resume=True)
     for path, content in before.items():
         if path.name != "run.json":  # its wall time
             assert path.read_bytes() == content
@@ -273,14 +274,14 @@ def test_nothing_to_do_changes_nothing(unbroken, tmp_path):
         (lambda run: run.pop("cases"), "cannot be read"),
     ],
 )
-def test_a_run_of_other_versions_is_not_gone_on_with(change, says, unbroken, tmp_path):
+def test_a_run_of_other_versions_is_not_resumed(change, says, unbroken, tmp_path):
     out = tmp_path / "results"
     subprocess.run(["cp", "-r", unbroken, out], check=True)
     run = json.loads((out / "run.json").read_text())
     change(run)
     (out / "run.json").write_text(json.dumps(run))
     with pytest.raises(InputError, match=says):
-        run_study(MPI.COMM_SELF, tiny_study(out), go_on=True)
+        tiny_study(out).run(resume=True)
 
 
 def test_a_foreign_checkpoint_is_left_aside(unbroken, tmp_path, caplog):
@@ -288,19 +289,19 @@ def test_a_foreign_checkpoint_is_left_aside(unbroken, tmp_path, caplog):
     out = tmp_path / "results"
     (out / "A_combined").mkdir(parents=True)
     (out / "A_combined" / "checkpoint.npz").write_bytes(b"PK\x03\x04 not one")
-    assert run_study(MPI.COMM_SELF, tiny_study(out), go_on=True)
-    assert "A_combined: load 0.000, starts anew: " in caplog.text
+    assert tiny_study(out).run(resume=True)
+    assert "A_combined: load 0.000, starts from load 0: " in caplog.text
     assert same_results(out, unbroken)
 
 
 def test_digests_are_of_a_case_alone(unbroken):
     tables = ("summary.csv", "steps.csv")
     one, other = (
-        resume.digests(unbroken, f"{socket}_combined", {"socket": socket}, tables)
+        restart.digests(unbroken, f"{socket}_combined", {"socket": socket}, tables)
         for socket in "AB"
     )
     assert one["summary.csv"] != other["summary.csv"]
-    nobody = resume.digests(unbroken, "C_combined", {"socket": "C"}, tables)
+    nobody = restart.digests(unbroken, "C_combined", {"socket": "C"}, tables)
     assert nobody["C_combined/fields.vtu"] is None
 
 
@@ -357,7 +358,7 @@ def test_a_full_disk(size, expected, small_disk, unbroken):
     for path in out.rglob("*.csv"):
         assert len(pd.read_csv(path)) > 0
     small_disk("64m", 32)  # MS_REMOUNT
-    process = start(out, go_on=True)
+    process = start(out, resume=True)
     process.communicate(timeout=120)
     assert process.returncode == 0
     assert same_results(out, unbroken)
@@ -385,10 +386,10 @@ def test_ctrl_c_ends_it_with_one_line(number, code, unbroken, tmp_path):
     assert "Traceback" not in errors
     assert entries(out)["B_combined"]["status"] == "running"
     assert not [path for path in out.rglob(".unfinished-*")]
-    process = start(out, go_on=True)
+    process = start(out, resume=True)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 0
-    assert "goes on from its last equilibrium" in errors
+    assert "resumes from its last equilibrium" in errors
     assert same_results(out, unbroken)
 
 
@@ -401,11 +402,11 @@ def test_killed_at_random_moments(kills, unbroken, tmp_path):
     process.communicate(timeout=120)
     assert process.returncode == 0
     whole = time.monotonic() - clock
-    killed, gone_on, finished = 0, 0, 0
+    killed, resumed, finished = 0, 0, 0
     while killed < kills or not finished:
         out = tmp_path / f"results{finished}"
         while True:
-            process = start(out, go_on=True)
+            process = start(out, resume=True)
             try:
                 # Nothing is at stake before the imports are done.
                 limit = chance.uniform(0.4, 1.0) * whole if killed < kills else 120
@@ -414,7 +415,7 @@ def test_killed_at_random_moments(kills, unbroken, tmp_path):
                 process.kill()
                 _, errors = process.communicate()
                 killed += 1
-            gone_on += errors.count("goes on from its last equilibrium")
+            resumed += errors.count("resumes from its last equilibrium")
             if (out / "run.json").exists():
                 assert entries(out)
             assert "Traceback" not in errors
@@ -424,4 +425,4 @@ def test_killed_at_random_moments(kills, unbroken, tmp_path):
         finished += 1
     assert killed == kills
     if kills >= 50:  # a few may all come before the first equilibrium
-        assert gone_on > kills / 10
+        assert resumed > kills / 10

@@ -10,6 +10,7 @@ from pathlib import Path
 import ezdxf
 import numpy as np
 import pytest
+from geometry import LIMB
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -17,20 +18,11 @@ from calfsocket.fit.data import read_test
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
 from calfsocket.materials.file import read_material
-from calfsocket.meshes import data
-from calfsocket.meshes.data import (
-    Bump,
-    CircleBlend,
-    Limb,
-    NormalOffset,
-    Outline,
-    Shape,
-    Socket,
-    Sockets,
-    load_limb,
-)
+from calfsocket.meshes import limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.outline import read_outline
 from calfsocket.meshes.placement import check_placement
+from calfsocket.meshes.socket import Bump, CircleBlend, NormalOffset, Outline, Socket, Sockets
 
 Reader = Callable[[Path], object]
 
@@ -57,8 +49,7 @@ def drawing() -> bytes:
     return f"  0\nSECTION\n  2\nENTITIES\n{entities}ENDSEC\n  0\nEOF\n".encode()
 
 
-LIMB = load_limb()
-FOLDER = Path(data.__file__).parent
+FOLDER = Path(limb.__file__).parent
 CSV = b"x, y\n" + b"".join(
     b"%.2f, %.2f\n" % (55 * np.cos(t), 50 * np.sin(t)) for t in np.arange(0, 6.2, 0.35)
 )
@@ -75,7 +66,7 @@ READERS: dict[str, tuple[str, Reader, bytes]] = {
     "CSV outline": ("a.csv", read_outline, CSV),
     "DXF outline": ("a.dxf", read_outline, drawing()),
     "SVG outline": ("a.svg", read_outline, SVG),
-    "limb": ("limb.json", lambda path: read_json(path, Limb), (FOLDER / "calf.json").read_bytes()),
+    "limb": ("limb.json", Limb.read, (FOLDER / "calf.json").read_bytes()),
     "sockets": (
         "sockets.json",
         lambda path: read_json(path, Sockets),
@@ -179,26 +170,24 @@ BUMPS = st.builds(
     width=st.floats(1e-6, 1e6) | st.floats(3, 40),
     amplitude=OFFSETS,
 )
-SHAPES = st.one_of(
+WALLS = st.floats(1e-9, 100) | st.floats(1, 9)
+SOCKETS: st.SearchStrategy[Socket] = st.one_of(
     st.builds(
         NormalOffset,
-        title=st.just(""),
-        law=st.just("normal_offset"),
+        wall_thickness=WALLS,
         base=OFFSETS,
         bumps=st.lists(BUMPS, max_size=3),
     ),
     st.builds(
         CircleBlend,
-        title=st.just(""),
-        law=st.just("circle_blend"),
+        wall_thickness=WALLS,
         area_reduction=st.floats(-0.99, 0.99),
         roundness=st.floats(0, 1),
         bumps=st.lists(BUMPS, max_size=3),
     ),
     st.builds(
         Outline,
-        title=st.just(""),
-        law=st.just("outline"),
+        wall_thickness=WALLS,
         points=st.lists(st.tuples(PLACES, PLACES), min_size=4, max_size=12, unique=True),
         shift=st.tuples(OFFSETS, OFFSETS),
         rotation=st.floats(-360, 360),
@@ -207,10 +196,10 @@ SHAPES = st.one_of(
 
 
 @settings(fuzzed, max_examples=30, deadline=timedelta(seconds=10))
-@given(shape=SHAPES, wall=st.floats(1e-9, 100) | st.floats(1, 9))
-def test_any_socket_is_placed_or_refused(shape: Shape, wall: float) -> None:
+@given(socket=SOCKETS)
+def test_any_socket_is_placed_or_refused(socket: Socket) -> None:
     try:
-        found = check_placement(Socket(name="any", shape=shape, wall_thickness=wall), LIMB)
+        found = check_placement(socket, LIMB, "any")
     except InputError as error:
         assert str(error).startswith("socket any: ")
     else:

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry import LIMB, SKIN
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import quality, tags
 from calfsocket.meshes.compound import build, load_compound
-from calfsocket.meshes.data import load_limb
-from calfsocket.meshes.loops import limb_curves
 from calfsocket.meshes.plate import Plate
 from calfsocket.meshes.section import build_plated_limb
 from calfsocket.meshes.sizing import mesh_size
@@ -70,12 +69,11 @@ def test_the_plate_touches_the_skin_and_boundaries_have_their_places() -> None:
 
 
 def test_the_plate_touches_the_limb_from_behind() -> None:
-    limb, plate = load_limb(), Plate(width=90.0, edge_radius=8.0, thickness=12.0)
-    mesh = build_plated_limb(limb, plate, mesh_size("coarse"))
+    plate = Plate(width=90.0, edge_radius=8.0, thickness=12.0)
+    mesh = build_plated_limb(LIMB, plate, mesh_size("coarse"))
     assert mesh.boundaries == tags.BOUNDARIES
-    assert set(mesh.regions) == {region.name for region in limb.regions} | {tags.SOCKET}
-    skin = limb_curves(limb)[limb.contact_boundary]
-    lowest = skin.evaluate(skin.sample(0.01))[:, 1].min()
+    assert set(mesh.regions) == {region.name for region in LIMB.regions} | {tags.SOCKET}
+    lowest = SKIN.evaluate(SKIN.sample(0.01))[:, 1].min()
     assert nodes(mesh, tags.SOCKET_INNER)[:, 1].max() == pytest.approx(lowest, abs=1e-4)
     assert nodes(mesh, tags.SOCKET_OUTER)[:, 1].min() == pytest.approx(lowest - 12.0, abs=1e-4)
 

@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
+from geometry import LIMB, LOOPS, SKIN
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.data import Bump, load_limb, load_sockets
-from calfsocket.meshes.loops import limb_curves
-from calfsocket.meshes.sockets import bumps_at, socket_faces
-
-LIMB = load_limb()
-LOOPS = limb_curves(LIMB)
-SKIN = LOOPS["skin_outline"]
+from calfsocket.meshes.socket import Bump, NormalOffset, Socket, bumps_at
 
 #: Socket: loss of area and of perimeter in %, overlap min, mean and max in mm (geometry's note).
 SOCKETS = {
@@ -116,8 +111,7 @@ def test_a_curve_that_jumps_is_refused() -> None:
 
 @pytest.mark.parametrize("name", SOCKETS)
 def test_sockets_have_the_overlap_of_the_note(name: str) -> None:
-    socket = load_sockets().socket(name)
-    inner, outer = socket_faces(socket, SKIN)
+    inner, outer = Socket.reference(name).faces(SKIN)
     area, perimeter, least, mean, most = SOCKETS[name]
     assert 100 * (inner.area / SKIN.area - 1) == pytest.approx(area, abs=0.005)
     assert 100 * (inner.perimeter / SKIN.perimeter - 1) == pytest.approx(perimeter, abs=0.006)
@@ -137,10 +131,6 @@ def test_bumps_are_gaussian_and_periodic() -> None:
 
 
 def test_a_socket_that_folds_over_is_refused() -> None:
-    sockets = load_sockets()
-    shape = sockets.sockets["TC"].model_copy(
-        update={"bumps": (Bump(center=90.0, width=0.5, amplitude=30.0),)}
-    )
-    socket = sockets.socket("TC").model_copy(update={"shape": shape})
-    with pytest.raises(InputError, match=r"socket TC: a wall of 4.5 mm folds over: .* at 9\d deg"):
-        socket_faces(socket, SKIN)
+    socket = NormalOffset(base=0.5, bumps=(Bump(center=90.0, width=0.5, amplitude=30.0),))
+    with pytest.raises(InputError, match=r"a wall of 4.5 mm folds over: .* at 9\d deg"):
+        socket.faces(SKIN)

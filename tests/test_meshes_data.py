@@ -8,15 +8,23 @@ from typing import Any
 import pytest
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes import data
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.io.schema import read_json
+from calfsocket.meshes import limb
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import (
+    CircleBlend,
+    NormalOffset,
+    Socket,
+    Sockets,
+    reference_sockets,
+)
 
-FOLDER = Path(data.__file__).parent
+FOLDER = Path(limb.__file__).parent
 Change = Callable[[dict[str, Any]], Any]
 
 
 def test_the_calf_has_27_regions_of_6_tissues() -> None:
-    limb = load_limb()
+    limb = Limb.reference()
     counts: dict[str, int] = {}
     for region in limb.regions:
         counts[region.tissue] = counts.get(region.tissue, 0) + 1
@@ -27,14 +35,14 @@ def test_the_calf_has_27_regions_of_6_tissues() -> None:
 
 
 def test_the_sockets_are_three_with_a_wall_of_4_5_mm() -> None:
-    sockets = load_sockets()
-    assert list(sockets.sockets) == ["TC", "TSB", "HS"]
-    assert {sockets.socket(name).wall_thickness for name in sockets.sockets} == {4.5}
+    sockets = reference_sockets()
+    assert list(sockets) == ["TC", "TSB", "HS"]
+    assert {socket.wall_thickness for socket in sockets.values()} == {4.5}
 
 
 def test_limbs_cannot_be_changed() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        load_limb().title = "another"
+        Limb.reference().title = "another"
 
 
 def wrong(tmp_path: Path, name: str, change: Change) -> str:
@@ -44,7 +52,7 @@ def wrong(tmp_path: Path, name: str, change: Change) -> str:
     path = tmp_path / name
     path.write_text(json.dumps(content))
     with pytest.raises(InputError) as caught:
-        (load_limb if name == "calf.json" else load_sockets)(path)
+        read_json(path, Limb if name == "calf.json" else Sockets)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -126,11 +134,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "ids not unique": (
         lambda c: region(c, "fibula").update(id=16),
-        "regions: id 16 stands for two regions",
+        "regions: id 16 is used by two regions",
     ),
     "names not unique": (
         lambda c: region(c, "fibula").update(name="tibia"),
-        "regions: name tibia stands for two regions",
+        "regions: name tibia is used by two regions",
     ),
     "the socket's id": (
         lambda c: region(c, "fibula").update(id=100),
@@ -224,7 +232,7 @@ SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "another law's parameter": (
         lambda c: c["sockets"]["TC"].update(roundness=0.1),
-        "sockets.TC: unknown key 'roundness'; allowed: base, bumps, law, title",
+        "sockets.TC: unknown key 'roundness'; allowed: base, bumps, law, modulus",
     ),
     "bump without width": (
         lambda c: c["sockets"]["HS"]["bumps"][0].pop("width"),
@@ -235,8 +243,8 @@ SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
         "sockets.HS.roundness: is 1.1; it must be less than or equal to 1",
     ),
     "no wall": (
-        lambda c: c.update(wall_thickness=0.0),
-        "wall_thickness: is 0.0; it must be greater than 0",
+        lambda c: c["sockets"]["TC"].update(wall_thickness=0.0),
+        "sockets.TC.wall_thickness: is 0.0; it must be greater than 0",
     ),
 }
 
@@ -262,18 +270,50 @@ def test_what_is_no_proper_json_is_refused(tmp_path: Path, text: str, expected: 
     path = tmp_path / "limb.json"
     path.write_text(text)
     with pytest.raises(InputError, match=expected):
-        load_limb(path)
+        Limb.read(path)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.json: cannot be read \(No such file"):
-        load_limb(tmp_path / "nowhere.json")
+        Limb.read(tmp_path / "nowhere.json")
 
 
 def test_unknown_names_are_answered_with_the_nearest() -> None:
     with pytest.raises(InputError, match="no socket 'TCB'; did you mean 'TC'"):
-        load_sockets().socket("TCB")
+        Socket.reference("TCB")
     with pytest.raises(InputError, match="no socket 'x'; allowed: HS, TC, TSB"):
-        load_sockets().socket("x")
+        Socket.reference("x")
     with pytest.raises(InputError, match="no region 'tibea'; did you mean 'tibia'"):
-        load_limb().region("tibea")
+        Limb.reference().region("tibea")
+
+
+def test_what_is_built_in_python_is_refused_in_the_same_words() -> None:
+    content = Limb.reference().model_dump()
+    tibia = content["curves"]["tibia"]
+    clockwise = tibia | {"points": tibia["points"][::-1]}
+    with pytest.raises(InputError, match=r"^Limb: curves\.tibia: runs clockwise"):
+        Limb(**content | {"curves": content["curves"] | {"tibia": clockwise}})
+    with pytest.raises(InputError, match=r"^NormalOffset: base: is 200\.0; it must be less than"):
+        NormalOffset(base=200.0)
+    with pytest.raises(InputError, match=r"^NormalOffset: base: unit 'kPa' is unknown"):
+        NormalOffset(base="1 kPa")
+    with pytest.raises(
+        InputError, match=r"^CircleBlend: unknown key 'base'; allowed: area"
+    ):
+        CircleBlend(area_reduction="5 %", base=1.0)
+
+
+def test_a_socket_is_read_from_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text('like = "HS"\narea_reduction = "3 %"\nmodulus = "2 GPa"\n')
+    own = Socket.read(path)
+    assert own == Socket.reference("HS").model_copy(
+        update={"area_reduction": 0.03, "modulus": 2000.0}
+    )
+    assert own.elasticity() == {"e": 2000.0} and Socket.reference("HS").elasticity() == {}
+    path.write_text('law = "normal_offset"\nbase = 1.0\n')
+    with pytest.raises(InputError, match=r"own\.toml: base: 1\.0 is no number with a unit"):
+        Socket.read(path)
+    path.write_text('like = "XS"\n')
+    with pytest.raises(InputError, match=r"own\.toml: like: no socket 'XS'; allowed: HS"):
+        Socket.read(path)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mesh_measures import jacobian_bounds, layers_across
 
 from calfsocket.meshes import quality, rings
 from calfsocket.meshes.smoothing import smooth
@@ -31,7 +32,7 @@ def test_an_equilateral_triangle_is_perfect() -> None:
     assert quality.smallest_angles(EQUILATERAL) == pytest.approx(60.0)
     assert quality.areas(EQUILATERAL) == pytest.approx(np.sqrt(3))
     # det J is twice the area everywhere.
-    assert np.array(quality.jacobian_bounds(EQUILATERAL)) == pytest.approx(2 * np.sqrt(3))
+    assert np.array(jacobian_bounds(EQUILATERAL)) == pytest.approx(2 * np.sqrt(3))
 
 
 def test_a_right_triangle_of_sides_3_4_5() -> None:
@@ -52,8 +53,8 @@ def test_a_curved_side_counts() -> None:
 
 def test_inversion_is_seen_although_the_corners_are_perfect() -> None:
     # The tangent at the ends of the base reaches the slope of the sides at sqrt(3)/2.
-    assert quality.jacobian_bounds(bent(-0.86))[0] > 0
-    assert quality.jacobian_bounds(bent(-0.87))[0] < 0
+    assert jacobian_bounds(bent(-0.86))[0] > 0
+    assert jacobian_bounds(bent(-0.87))[0] < 0
     assert quality.scaled_jacobians(bent(-0.87)) < 0
     clockwise = triangle((0, 0), (0, 3), (4, 0))
     assert quality.scaled_jacobians(clockwise) < 0
@@ -61,7 +62,7 @@ def test_inversion_is_seen_although_the_corners_are_perfect() -> None:
 
 def test_bounds_hold_on_the_whole_triangle() -> None:
     x = np.random.default_rng(1).normal(size=(200, 6, 2))
-    lower, upper = quality.jacobian_bounds(x)
+    lower, upper = jacobian_bounds(x)
     values = quality.determinant(quality.jacobians(x, quality.LATTICE))
     assert (lower[:, None] <= values + 1e-12).all()
     assert (values <= upper[:, None] + 1e-12).all()
@@ -101,7 +102,7 @@ def strip(rows: int) -> TriangleMesh:
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
 def test_layers_across_a_band_are_its_rows(rows: int) -> None:
-    layers = quality.layers_across(strip(rows), "band")
+    layers = layers_across(strip(rows), "band")
     # Far from the ends of the band, which are curves as well: five corner nodes on either side.
     inside = (layers.points[:, 0] > 3.5) & (layers.points[:, 0] < 8.5)
     assert inside.sum() == 10
@@ -111,7 +112,7 @@ def test_layers_across_a_band_are_its_rows(rows: int) -> None:
 
 def test_layers_of_a_ring_count_towards_the_nearest_curve() -> None:
     mesh = rings.build([("bone", 6.0, 8.0), ("fascia", 8.0, 9.0), ("skin", 9.0, 12.0)], None, 1.5)
-    layers = quality.layers_across(mesh, "fascia")
+    layers = layers_across(mesh, "fascia")
     # 16 pi / 1.5 and 18 pi / 1.5 sides on the two circles, one layer of them.
     assert len(layers.count) == pytest.approx(71, abs=3)
     assert (layers.count == 1).all()

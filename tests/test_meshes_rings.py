@@ -46,6 +46,16 @@ def test_a_ring_without_socket_has_no_socket_boundaries() -> None:
     assert set(mesh.boundaries) == {"tibia_medullary", "skin_surface"}
 
 
+def test_two_rings_have_their_own_size_and_turn() -> None:
+    mesh = rings.build([("limb", 10.0, 20.0)], (20.0, 24.0), (4.0, 2.0), turn=0.4)
+    for name, length in (("skin_surface", 4.0), ("socket_inner", 2.0)):
+        sides = (mesh.facet_tags == mesh.boundaries[name]).sum()
+        assert 2 * np.pi * 20 / sides == pytest.approx(length, rel=0.1)
+    face = mesh.facets[mesh.facet_tags == mesh.boundaries["socket_inner"]]
+    start = 20.0 * np.array([np.cos(0.4), np.sin(0.4)])
+    assert np.linalg.norm(mesh.points[face[:, :2]].reshape(-1, 2) - start, axis=1).min() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("layers", "socket", "h", "expected"),
     [
@@ -56,6 +66,7 @@ def test_a_ring_without_socket_has_no_socket_boundaries() -> None:
         ([("a", 1.0, 2.0), ("b", 2.5, 3.0)], None, 1.0, "b starts at 2.5 mm, not at 2.0 mm"),
         ([("a", 1.0, 2.0)], (3.0, 3.0), 1.0, "socket: radii 3.0 and 3.0 mm"),
         ([("a", 1.0, 2.0)], None, 0.0, "element size 0.0 mm"),
+        ([("a", 1.0, 2.0)], (2.0, 3.0), (1.0, 0.0), "element size 0.0 mm"),
     ],
 )
 def test_wrong_rings_are_refused(layers: list, socket: tuple | None, h: float, expected: str):

@@ -5,7 +5,6 @@ from dataclasses import astuple, replace
 import pytest
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb, load_sockets
 from calfsocket.meshes.section import build
 from calfsocket.meshes.sizing import (
     COUNT_TOLERANCE,
@@ -16,6 +15,7 @@ from calfsocket.meshes.sizing import (
     mesh_size,
     named_size,
 )
+from tiny_study import tiny_limb, tiny_sockets
 
 
 def test_a_number_has_the_shape_of_paper():
@@ -69,5 +69,5 @@ def test_a_size_that_is_final_asks_for_nothing():
 
 
 def test_a_section_has_about_so_many_triangles():
-    mesh = build(load_limb(), load_sockets().socket("TSB"), mesh_size("9000"))
-    assert len(mesh.cells) == pytest.approx(9000, rel=2 * COUNT_TOLERANCE)
+    mesh = build(tiny_limb(), tiny_sockets()["A"], mesh_size("7000"))
+    assert len(mesh.cells) == pytest.approx(7000, rel=2 * COUNT_TOLERANCE)

@@ -12,8 +12,9 @@ from petsc4py import PETSc
 
 from calfsocket.io.errors import SolveError
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.mechanics.problem import Model
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
+from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from ring_model import SOCKET, describe, ring_model, solved_ring
 
@@ -24,8 +25,8 @@ def solved():
 
 
 def test_ring_equilibrium(solved):
-    model = solved.model
-    imbalance, pressing = model.force_balance(solved.solver.x)
+    model = solved.problem
+    imbalance, pressing = model.force_balance(solved.newton.x, tags.TIBIA_MEDULLARY)
     line_force = 2 * np.pi * SOCKET[0]
     assert imbalance / pressing < 1e-6
     # The pressure of a ring is uniform: mean times circumference is the pressing force.
@@ -35,15 +36,15 @@ def test_ring_equilibrium(solved):
     assert pressing == pytest.approx(pressure.mean() * line_force, rel=1e-2)
     assert model.contact.largest_gap() < 1e-2
     assert model.smallest_volume_ratio()[0] > 0
-    assert solved.solver.negative_modes() == 0
+    assert solved.newton.negative_modes() == 0
 
 
 def test_slip_counts_from_the_step_before():
     """Accepted when the next step begins, so that a finished run is read as it was solved."""
     model = ring_model(MPI.COMM_SELF, h=6.0)
-    stepper = Stepper(model, StepControl(first=0.4, largest=0.4))
+    stepper = LoadStepper(model, LoadSteps(first=0.4, largest=0.4))
     accept, accepted = model.contact.accept, []
-    model.contact.accept = lambda: (accepted.append(model.contact.load), accept())
+    model.contact.accept = lambda: (accepted.append(model.load), accept())
     stepper.run()
     assert accepted == [step.load for step in stepper.steps[:-1]]
     assert len(accepted) == 2
@@ -62,39 +63,39 @@ def test_negative_modes_count_what_makes_an_equilibrium_unstable():
     layers = [("muscle", 14.0, 40.0), ("fascia", 40.0, 40.5), ("fat", 40.5, 46.0)]
     section = ring_mesh(MPI.COMM_SELF, layers, (45.0, 50.0), 2.0)
     laws = MaterialSet.paper("separate").tissue_laws()
-    stepper = Stepper(
-        Model(section, {name: laws[name] for name in section.regions}),
-        StepControl(first=0.1, largest=0.9),
+    stepper = LoadStepper(
+        limb_problem(section, {name: laws[name] for name in section.regions}),
+        LoadSteps(first=0.1, largest=0.9),
     )
-    stepper.model.contact.load = 0.1
-    assert stepper.solver.solve().converged
-    assert stepper.solver.negative_modes() == 0
+    stepper.problem.load = 0.1
+    assert stepper.newton.solve().converged
+    assert stepper.newton.negative_modes() == 0
     stepper.run()
     # A mode of a ring comes twice, as cosine and as sine.
-    negative = stepper.solver.negative_modes()
+    negative = stepper.newton.negative_modes()
     assert negative > 0
     assert negative % 2 == 0
 
 
 def test_a_failed_run_keeps_the_last_converged_state():
     model = ring_model(MPI.COMM_SELF, h=6.0)
-    stepper = Stepper(model, StepControl(first=0.4, smallest=0.05))
-    solve = stepper.solver.solve
+    stepper = LoadStepper(model, LoadSteps(first=0.4, largest=0.4, smallest=0.05))
+    solve = stepper.newton.solve
 
     def fails_beyond_half():
         result = solve()
-        if model.contact.load > 0.5:
-            stepper.solver.x.array[:] = np.nan
+        if model.load > 0.5:
+            stepper.newton.x.array[:] = np.nan
             return replace(result, converged=False, reason="diverged_for_the_test")
         return result
 
-    stepper.solver.solve = fails_beyond_half
+    stepper.newton.solve = fails_beyond_half
     with pytest.raises(SolveError, match=r"load 0.4\d+ and 0.5\d+: diverged_for.* in \w+; try"):
         stepper.run()
-    assert 0.4 < model.contact.load < 0.5
+    assert 0.4 < model.load < 0.5
     assert np.isfinite(model.w.x.array).all()
-    residual = stepper.solver.x.duplicate()
-    model.residual(stepper.solver.x, residual)
+    residual = stepper.newton.x.duplicate()
+    model.residual(stepper.newton.x, residual)
     assert residual.norm() < 1e-9
 
 
@@ -102,7 +103,7 @@ def test_petsc_options_reach_the_solver():
     options = PETSc.Options("calfsocket_")
     options["snes_max_it"] = 1
     try:
-        stepper = Stepper(ring_model(MPI.COMM_SELF, h=6.0), StepControl(smallest=0.05))
+        stepper = LoadStepper(ring_model(MPI.COMM_SELF, h=6.0), LoadSteps(smallest=0.05))
         with pytest.raises(SolveError, match="max_it"):
             stepper.run()
         # One with full steps, one with a line search.

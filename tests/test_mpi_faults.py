@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from mpi4py import MPI
 
-from calfsocket.study.study import run_study
 from reliability import Trial
 from test_faults import entries
 from tiny_study import Fault, tiny_study
 
-RESIDUAL = "calfsocket.mechanics.problem:Model.residual"
-TANGENT = "calfsocket.mechanics.problem:Model.tangent"
+RESIDUAL = "calfsocket.mechanics.problem:Problem.residual"
+CONSTRAINTS = "calfsocket.mechanics.problem:constrained_unknowns"
+TANGENT = "calfsocket.mechanics.problem:Problem.tangent"
 
 TITLE = "Faults of one rank among several"
 INTRO = """\
@@ -47,9 +46,9 @@ CASES = (
     ends("compiling, first rank", "calfsocket.simulation.precompile:_use_all_forms", (0,)),
     agrees("mesh, first rank", "calfsocket.meshes.section:build", (0,)),
     ends("mesh, second rank", "calfsocket.meshes.distributed:SectionMesh", (1,)),
-    ends("set-up, first rank", "calfsocket.mechanics.problem:Model._skin_law", (0,)),
-    ends("set-up, second rank", "calfsocket.mechanics.problem:Model._skin_law", (1,)),
-    ends("input refused by the second rank alone", "calfsocket.mechanics.problem:Model._fix", (1,),
+    ends("set-up, first rank", "calfsocket.contact.interface:surface_material", (0,)),
+    ends("set-up, second rank", "calfsocket.contact.interface:surface_material", (1,)),
+    ends("input refused by the second rank alone", CONSTRAINTS, (1,),
          error="InputError"),
     ends("residual, first rank", RESIDUAL, (0,), 12),
     ends("residual, second rank", RESIDUAL, (1,), 12, slow=False),
@@ -58,12 +57,12 @@ CASES = (
     ends("tangent, second rank, no memory", TANGENT, (1,), 6,
          error="MemoryError"),
     ends("checkpoint, second rank", "calfsocket.simulation.checkpoint:Checkpoint._gather", (1,), 4),
-    ends("checks, second rank", "calfsocket.mechanics.problem:Model.smallest_volume_ratio", (1,)),
-    ends("outcomes, first rank", "calfsocket.study.runner:contact_line", (0,)),
-    ends("outcomes, second rank", "calfsocket.study.runner:section_fields", (1,)),
-    agrees("files, first rank", "calfsocket.study.runner:_write_case", (0,), slow=False),
-    ends("run.json, first rank", "calfsocket.study.record:Ledger.record", (0,)),
-    ends("next case, second rank", "calfsocket.parallel.scheduler:Farm.next_case", (1,), 2),
+    ends("checks, second rank", "calfsocket.mechanics.problem:Problem.smallest_volume_ratio", (1,)),
+    ends("outcomes, first rank", "calfsocket.simulation.simulation:contact_line", (0,)),
+    ends("outcomes, second rank", "calfsocket.simulation.simulation:section_fields", (1,)),
+    agrees("files, first rank", "calfsocket.study.runner:_CaseRunner._write", (0,), slow=False),
+    ends("run.json, first rank", "calfsocket.study.record:Recorder.put", (0,)),
+    ends("next case, second rank", "calfsocket.parallel.scheduler:Scheduler.next_case", (1,), 2),
     ends("killed, first rank", RESIDUAL, (0,), 12, error="SIGKILL"),
     ends("killed, second rank", RESIDUAL, (1,), 12, error="SIGKILL",
          slow=False),
@@ -75,7 +74,7 @@ TRIALS = tuple(case.values[0] for case in CASES)
 @pytest.fixture(scope="module")
 def unbroken(tmp_path_factory):
     out = tmp_path_factory.mktemp("unbroken")
-    assert run_study(MPI.COMM_SELF, tiny_study(out))
+    assert tiny_study(out).run()
     return out
 
 
@@ -121,7 +120,7 @@ def test_a_fault_of_one_rank(trial, launch, tmp_path, unbroken):
         assert said == 1
         assert ended.stderr.count("Traceback") <= 1
         assert statuses["B_combined"] == "running"
-    resumed = run(launch, 1, go_on=True)
+    resumed = run(launch, 1, resume=True)
     assert resumed.returncode == 0, resumed.stderr
     assert close(out, unbroken)
 
@@ -150,15 +149,15 @@ def test_shapes(ranks, how, launch, tmp_path):
     """Ranks without limb, skin or socket, or with nothing at all, break off and go on."""
     study = how.get("study", {"sockets": ["A", "B"]})
     expected = tmp_path / "expected"
-    assert run_study(MPI.COMM_SELF, tiny_study(expected, tuple(study["sockets"])))
+    assert tiny_study(expected, tuple(study["sockets"])).run()
     fault = Fault(
         "calfsocket.simulation.checkpoint:Checkpoint.save", tuple(range(ranks)), 3, "SIGKILL"
     )
     ended = run(launch, ranks, fault=fault.__dict__, **how)
     assert ended.returncode != 0
-    ended = run(launch, ranks, go_on=True, **how)
+    ended = run(launch, ranks, resume=True, **how)
     assert ended.returncode == 0, ended.stderr
-    assert "goes on from its last equilibrium" in ended.stderr
+    assert "resumes from its last equilibrium" in ended.stderr
     assert close(tmp_path / "results", expected)
     assert not list((tmp_path / "results").rglob("checkpoint.npz"))
 
@@ -182,5 +181,5 @@ def test_cases_side_by_side_fail_alone(launch, tmp_path, unbroken):
         "failed",
         "solved",
     ]
-    assert run(launch, 2, go_on=True).returncode == 0  # both ranks share the case that is left
+    assert run(launch, 2, resume=True).returncode == 0  # both ranks share the case that is left
     assert close(tmp_path / "results", unbroken)

@@ -6,31 +6,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry import LIMB, SKIN
+from mesh_measures import jacobian_bounds
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves, section
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.data import Outline, Socket, Sockets, load_limb, load_sockets
-from calfsocket.meshes.loops import limb_curves
 from calfsocket.meshes.outline import MANY_POINTS, read_outline
 from calfsocket.meshes.placement import check_placement
-from calfsocket.meshes.quality import areas, jacobian_bounds
+from calfsocket.meshes.quality import areas
 from calfsocket.meshes.sizing import mesh_size
-from calfsocket.meshes.sockets import inner_face, socket_faces
+from calfsocket.meshes.socket import Outline, Socket
 from calfsocket.meshes.tags import SOCKET_ID
 from drawings import dxf
 
-LIMB = load_limb()
-SKIN = limb_curves(LIMB)["skin_outline"]
-TSB = load_sockets().socket("TSB")
-FACE = inner_face(TSB.shape, SKIN)
+TSB = Socket.reference("TSB")
+FACE = TSB.inner_face(SKIN)
 POINTS = FACE.evaluate(np.linspace(0, FACE.period, 180, endpoint=False))
-
-
-def own_socket(path: Path) -> Socket:
-    shape = Outline(title="", law="outline", points=read_outline(path))
-    return Socket(name="own", shape=shape, wall_thickness=TSB.wall_thickness)
 
 
 def deviation(one: ClosedCurve, other: ClosedCurve) -> float:
@@ -139,10 +132,10 @@ def test_the_reference_socket_comes_back_from_a_file(
     name: str, write: Callable[[Path], None], tmp_path: Path
 ) -> None:
     write(tmp_path / name)
-    own = own_socket(tmp_path / name)
-    assert isinstance(own.shape, Outline)
-    assert len(own.shape.points) <= MANY_POINTS
-    for face, reference in zip(socket_faces(own, SKIN), socket_faces(TSB, SKIN), strict=True):
+    own = Socket.read(tmp_path / name)
+    assert isinstance(own, Outline)
+    assert len(own.points) <= MANY_POINTS
+    for face, reference in zip(own.faces(SKIN), TSB.faces(SKIN), strict=True):
         assert deviation(face, reference) < 0.02
     found, wanted = check_placement(own, LIMB), check_placement(TSB, LIMB)
     assert found.area_reduction == pytest.approx(wanted.area_reduction, abs=3e-5)
@@ -234,19 +227,12 @@ def test_a_file_that_may_not_be_read_is_named(
         read_outline(tmp_path / "a.csv")
 
 
-def test_a_socket_in_a_file_may_be_an_outline_with_a_wall_of_its_own() -> None:
-    """It is meshed like the others; the wall of 3 mm has an area of 3 P + 9 pi."""
-    content = load_sockets().model_dump(mode="json")
-    content["sockets"]["own"] = {
-        "title": "an outline",
-        "law": "outline",
-        "points": POINTS[::3].tolist(),
-        "wall_thickness": 3.0,
-    }
-    sockets = Sockets.model_validate(content)
-    assert sockets.socket("TC").wall_thickness == 4.5
-    own = sockets.socket("own")
-    assert own.wall_thickness == 3.0
+def test_an_outline_is_meshed_with_a_wall_of_its_own(tmp_path: Path) -> None:
+    """The wall of 3 mm has an area of 3 P + 9 pi."""
+    np.savetxt(tmp_path / "a.csv", POINTS[::3], delimiter=",")
+    (tmp_path / "own.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')
+    own = Socket.read(tmp_path / "own.toml")
+    assert own == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0)
     mesh = section.build(LIMB, own, mesh_size("coarse"))
     assert jacobian_bounds(mesh.coordinates)[0].min() > 0
     wall = areas(mesh.coordinates)[mesh.cell_tags == SOCKET_ID].sum()

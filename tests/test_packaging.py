@@ -16,16 +16,18 @@ VERSION = f"calfsocket {calfsocket.__version__}"
 # The whole way from installed names to installed data.
 READ_DATA = """
 import calfsocket.forms
-from calfsocket.meshes import data
-from calfsocket.report import page, published, writing
-data.load_limb()
-data.load_sockets()
-published.claims()
-page.read_template("report.html")
-page.read_template("report.css")
-from calfsocket.study import reading
-reading.paper_study().plan()
-reading.example()
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket
+from calfsocket.paper import guest, published
+from calfsocket.report import templates, write
+Limb.reference()
+Socket.reference("HS")
+published.claims(), published.checks()
+for name in ("report.html", "table.html", "report.css"):
+    templates.read(name)
+templates.read("scoreboard.html", "calfsocket.paper.templates")
+from calfsocket.study.study import example
+example()
 """
 
 

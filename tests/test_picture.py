@@ -9,20 +9,11 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Curve
 
-from calfsocket.plotting import case as picture
 from calfsocket.plotting import pressure_band
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
-from calfsocket.postprocess.vtu import write_fields
+from report_results import result
 from sections import contact_around, limb_and_socket
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("results") / "TC_separate"
-    write_fields(folder, limb_and_socket(), "TC", "separate")
-    contact_around().rows("TC", "separate").to_csv(folder / "contact.csv", index=False)
-    return folder
 
 
 def share_of(image, colour) -> float:
@@ -30,10 +21,11 @@ def share_of(image, colour) -> float:
     return np.all(np.abs(image[..., :3] - matplotlib.colors.to_rgb(colour)) < 0.01, axis=-1).mean()
 
 
-def test_picture_is_drawn(folder, monkeypatch):
+def test_picture_is_drawn(tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":987")  # a screen that is not there
-    path = picture.draw(folder)
-    assert path == folder / "picture.png"
+    solved = result(("TC", "separate"), limb_and_socket(), contact_around())
+    path = solved.draw(tmp_path)
+    assert path == tmp_path / "picture.png"
     image = matplotlib.image.imread(path)
     assert min(image.shape[:2]) >= 2000
     assert image.std() > 0.1
@@ -47,24 +39,13 @@ def test_picture_is_drawn(folder, monkeypatch):
     assert share_of(image, pressure_band.FILL) > 0.02
 
 
-def test_the_same_files_give_the_same_picture(folder):
-    first = picture.draw(folder).read_bytes()
-    assert picture.draw(folder).read_bytes() == first
-
-
 def test_drawing_does_not_need_the_solver():
     code = (
-        "import sys, calfsocket.plotting.case;"
+        "import sys, calfsocket.plotting.case, calfsocket.simulation.results;"
         "print([m for m in ('mpi4py', 'petsc4py', 'dolfinx', 'gmsh') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_a_case_without_contact_rows_is_said(folder, tmp_path):
-    (tmp_path / "contact.csv").write_text("socket,material_set,x_mm,y_mm,pressure_kPa\n")
-    with pytest.raises(ValueError, match=r"contact\.csv has no row"):
-        picture.read_contact(tmp_path)
 
 
 def test_the_boundary_is_curved_and_closed_and_holes_turn_the_other_way():

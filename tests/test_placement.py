@@ -6,38 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry import LIMB, LOOPS, SKIN
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import (
-    Bump,
-    CircleBlend,
-    NormalOffset,
-    Outline,
-    Shape,
-    Socket,
-    load_limb,
-    load_sockets,
-)
-from calfsocket.meshes.loops import limb_curves
 from calfsocket.meshes.placement import check_placement
-from calfsocket.meshes.sockets import inner_face
-
-LIMB = load_limb()
-LOOPS = limb_curves(LIMB)
-SKIN = LOOPS["skin_outline"]
-
-
-def socket(shape: Shape, wall: float = 4.5) -> Socket:
-    return Socket(name="mine", shape=shape, wall_thickness=wall)
+from calfsocket.meshes.socket import Bump, CircleBlend, NormalOffset, Outline, Socket
 
 
 def offset(base: float, *bumps: Bump) -> NormalOffset:
-    return NormalOffset(title="", law="normal_offset", base=base, bumps=bumps)
+    return NormalOffset(base=base, bumps=bumps)
 
 
 def outline(points: Any, **placed: Any) -> Outline:
-    return Outline(title="", law="outline", points=tuple(map(tuple, points)), **placed)
+    return Outline(points=tuple(map(tuple, points)), **placed)
 
 
 def ring(radius: float, waves: float = 0.0) -> np.ndarray:
@@ -68,7 +50,7 @@ NOTE = {
 
 @pytest.mark.parametrize("name", NOTE)
 def test_the_reference_sockets_sit_as_the_note_says(name: str) -> None:
-    found = check_placement(load_sockets().socket(name), LIMB)
+    found = check_placement(Socket.reference(name), LIMB)
     area, perimeter, least, mean, most = NOTE[name]
     assert 100 * found.area_reduction == pytest.approx(area, abs=0.005)
     assert 100 * found.perimeter_reduction == pytest.approx(perimeter, abs=0.006)
@@ -80,7 +62,7 @@ def test_the_reference_sockets_sit_as_the_note_says(name: str) -> None:
 
 def test_a_constant_offset_is_its_overlap_and_takes_the_strip_off_the_area() -> None:
     """Of an inward offset d: overlap d, area loss d P - pi d^2, perimeter loss 2 pi d."""
-    found = check_placement(socket(offset(0.7)), LIMB)
+    found = check_placement(offset(0.7), LIMB)
     assert [found.smallest_overlap, found.largest_overlap] == pytest.approx([0.7, 0.7], abs=1e-3)
     strip = 0.7 * SKIN.perimeter - np.pi * 0.7**2
     assert found.area_reduction == pytest.approx(strip / SKIN.area, abs=1e-5)
@@ -89,7 +71,7 @@ def test_a_constant_offset_is_its_overlap_and_takes_the_strip_off_the_area() -> 
 
 def test_a_gap_counts_as_negative_overlap_and_is_found_where_it_is() -> None:
     relief = Bump(center=200.0, width=20.0, amplitude=-2.0)
-    found = check_placement(socket(offset(0.5, relief)), LIMB)
+    found = check_placement(offset(0.5, relief), LIMB)
     assert found.smallest_overlap == pytest.approx(-1.5, abs=0.01)
     assert found.smallest_angle == pytest.approx(200.0, abs=1.0)
     # 0.5 - 2 exp(-x^2/2) < 0 for x < 1.67: 33 degrees on either side.
@@ -99,7 +81,7 @@ def test_a_gap_counts_as_negative_overlap_and_is_found_where_it_is() -> None:
 
 def test_what_is_squeezed_is_the_overlap_over_the_tissue_above_bone() -> None:
     """A bump over the tibial crest, where the least tissue lies over bone."""
-    found = check_placement(socket(offset(0.3, Bump(center=101, width=8, amplitude=2.5))), LIMB)
+    found = check_placement(offset(0.3, Bump(center=101, width=8, amplitude=2.5)), LIMB)
     tibia = LOOPS["tibia"]
     depth = cKDTree(tibia.evaluate(tibia.sample(0.02))).query(SKIN.evaluate(SKIN.sample(0.1)))[0]
     assert found.largest_angle == pytest.approx(101, abs=1)
@@ -108,7 +90,7 @@ def test_what_is_squeezed_is_the_overlap_over_the_tissue_above_bone() -> None:
 
 def test_an_outline_is_turned_about_the_origin_then_shifted() -> None:
     points = ring(54.0, waves=2.0)
-    found = inner_face(outline(points, shift=(3.0, -1.0), rotation=90.0), SKIN)
+    found = outline(points, shift=(3.0, -1.0), rotation=90.0).inner_face(SKIN)
     # (x, y) -> (-y, x): the first point, on +x, goes to +y.
     assert found.evaluate(0.0) == pytest.approx([3.0, 56.0 - 1.0])
     assert found.evaluate(found.knots[:-1]) == pytest.approx(
@@ -117,51 +99,47 @@ def test_an_outline_is_turned_about_the_origin_then_shifted() -> None:
 
 
 REFUSED = {
-    "turned over": (socket(offset(60.0)), ("crosses itself at", "smaller or wider bumps")),
-    "outline clockwise": (socket(outline(ring(54.0)[::-1])), ("runs clockwise",)),
+    "turned over": (offset(60.0), ("crosses itself at", "smaller or wider bumps")),
+    "outline clockwise": (outline(ring(54.0)[::-1]), ("runs clockwise",)),
     "outline crossing itself": (
-        socket(outline(ring(54.0)[np.r_[0:20, 40:20:-1, 41:90]])),
+        outline(ring(54.0)[np.r_[0:20, 40:20:-1, 41:90]]),
         ("the inner face crosses itself at", "degrees, (", "correct its points"),
     ),
     "wall in a hollow": (
         # A bump of 3 mm whose width, 2.5 degrees, is 2.4 mm of skin: a radius of 2.4^2 / 3 mm.
-        socket(offset(0.5, Bump(center=268, width=2.5, amplitude=3.0))),
+        offset(0.5, Bump(center=268, width=2.5, amplitude=3.0)),
         ("a wall of 4.5 mm folds over", "radius of 1.9 mm at 268 degrees, (-1.93, -52.72) mm"),
     ),
     "thick wall on a wavy face": (
-        socket(outline(ring(54.0, waves=2.0)), wall=60.0),
+        outline(ring(54.0, waves=2.0), wall_thickness=60.0),
         ("a wall of 60 mm folds over", "make the wall thinner"),
     ),
     "beside": (
-        socket(outline(ring(54.0), shift=(300.0, 0.0))),
+        outline(ring(54.0), shift=(300.0, 0.0)),
         ("lies beside the limb, 1", "mm away at 0 degrees, (300.00, 0.00) mm"),
     ),
     "around": (
-        socket(offset(-5.0)),
+        offset(-5.0),
         ("does not press on the limb", "still by 5.00 mm; make it smaller"),
     ),
-    "ring that is too wide": (socket(outline(ring(80.0))), ("does not press on the limb",)),
+    "ring that is too wide": (outline(ring(80.0)), ("does not press on the limb",)),
     "deep all round": (
-        socket(load_sockets().sockets["TSB"].model_copy(update={"base": 9.0})),
+        Socket.reference("TSB").model_copy(update={"base": 9.0}),
         (
             "reaches into bone: it presses 9.0 mm deep at 132 degrees",
             "where 5.6 mm",
             "of soft tissue",
         ),
     ),
-    "small ring": (socket(outline(ring(20.0))), ("reaches into bone",)),
+    "small ring": (outline(ring(20.0)), ("reaches into bone",)),
     "no blend": (
-        socket(
-            CircleBlend(
-                title="",
-                law="circle_blend",
-                area_reduction=0.98,
-                roundness=0.5,
-                bumps=(
-                    Bump(center=0, width=30, amplitude=100.0),
-                    Bump(center=180, width=30, amplitude=-100.0),
-                ),
-            )
+        CircleBlend(
+            area_reduction=0.98,
+            roundness=0.5,
+            bumps=(
+                Bump(center=0, width=30, amplitude=100.0),
+                Bump(center=180, width=30, amplitude=-100.0),
+            ),
         ),
         ("no circle blend with these bumps has an area reduced by 0.98",),
     ),
@@ -173,7 +151,7 @@ def test_a_socket_that_cannot_be_donned_is_refused_in_one_line(
     wrong: Socket, expected: tuple[str, ...]
 ) -> None:
     with pytest.raises(InputError) as caught:
-        check_placement(wrong, LIMB)
+        check_placement(wrong, LIMB, "mine")
     line = str(caught.value)
     assert line.startswith("socket mine: ")
     assert "\n" not in line

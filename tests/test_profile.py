@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.simulation import profile
 from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR, Profile, solve_ratio
 from ring_model import ring_model
@@ -16,12 +16,12 @@ from ring_model import ring_model
 @pytest.fixture(scope="module")
 def solved():
     mine = Profile()
-    stepper = Stepper(ring_model(MPI.COMM_SELF, h=6.0), StepControl())
-    stepper.solver.factorise()  # not counted yet
+    stepper = LoadStepper(ring_model(MPI.COMM_SELF, h=6.0), LoadSteps())
+    stepper.newton.factorise()  # not counted yet
     mine.start()
     stepper.run()
     mine.stop()
-    stepper.solver.factorise()  # not counted any more
+    stepper.newton.factorise()  # not counted any more
     return stepper, mine.rows({"mesh": 1.0, "solve": 2.0})
 
 

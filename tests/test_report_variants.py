@@ -1,149 +1,97 @@
-"""Variants: which studies they are, and how their results are compared."""
+"""A study beside its variants: what depends on a choice, and which claims do."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.paper import choices
+from calfsocket.paper.scoreboard import HOLDS, UNCHECKED
 from calfsocket.report import variants
-from calfsocket.report.scoreboard import HOLDS, UNCHECKED
-from calfsocket.simulation.case import Case, Settings
-from calfsocket.study import variants as family
-from calfsocket.study.study import Study
-from report_results import ALL, contact_on, limb, limb_study, write_results
+from calfsocket.report.findings import Findings
+from calfsocket.simulation.results import Results
+from report_results import ALL, limb_study, result, results_of
 
-
-def study(settings: Settings) -> Study:
-    return Study(
-        (Case("TC", "separate"),),
-        settings,
-        load_limb(),
-        load_sockets(),
-        Path("out"),
-        pictures=False,
-    )
-
-
-def test_one_choice_is_changed_at_a_time():
-    base, *others = family.studies(study(Settings(size="coarse")))
-    assert base.out == Path("out/variants/base") and base.settings == Settings(size="coarse")
-    changed = {
-        each.out.name: {
-            key
-            for key in ("size", "socket_support", "fascia_c10", "ogden_form", "contact")
-            if getattr(each.settings, key) != getattr(base.settings, key)
-        }
-        for each in others
-    }
-    assert changed == {
-        "socket-held": {"socket_support"},
-        "fascia-c10-tables": {"fascia_c10"},
-        "frictionless": {"contact"},
-        "ogden-as-printed": {"ogden_form"},
-        "socket-held-and-fascia-c10-tables": {"socket_support", "fascia_c10"},
-    }
-    frictionless = {each.out.name: each.settings.contact for each in others}["frictionless"]
-    assert frictionless == ContactParameters(fric_coeff=0.0)
-    assert all(each.cases == base.cases and each.limb is base.limb for each in others)
-
-
-def test_a_choice_already_made_is_no_variant():
-    settings = Settings(contact=ContactParameters(fric_coeff=0.0))
-    names = [each.out.name for each in family.studies(study(settings))]
-    assert "frictionless" not in names and len(names) == 5
+HELD = {"model.socket_support": "outer-fixed"}
+NO_FRICTION = {"model.friction": 0.0}
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """TC as base; with twice the stress in muscle; with one case failed; and not readable."""
-    out = tmp_path_factory.mktemp("study")
+def study() -> Results:
+    """TC as base; without friction twice the stress in muscle; held, with one case alone."""
     base = limb_study(ALL[:2])
-    write_results(out / "variants" / "base", base)
-    doubled = {}
-    for key, (fields, line) in base.items():
+    cases = dict(base)
+    for (socket, name), (fields, line) in base.items():
         muscle = np.where(fields.region == 2, 2.0, 1.0)[:, None, None]
-        doubled[key] = (replace(fields, stress=muscle * fields.stress), line)
-    write_results(
-        out / "variants" / "fascia-c10-tables",
-        doubled,
-        Settings(size="coarse", fascia_c10="tables"),
-    )
-    write_results(
-        out / "variants" / "socket-held",
-        {("TC", "separate"): base["TC", "separate"]},
-        Settings(size="coarse", socket_support="outer-fixed"),
-        failed={"TC_combined": "load 0.4 and no further"},
-    )
-    broken = out / "variants" / "frictionless"
-    write_results(broken, {("TC", "separate"): (limb(), contact_on(limb(), 5))})
-    (broken / "summary.csv").unlink()
-    return out
+        doubled = replace(fields, stress=muscle * fields.stress)
+        key = (f"{socket}@frictionless", name)
+        cases[key] = result(key, doubled, line, changes=NO_FRICTION)
+    key = ("TC@socket-held", "separate")
+    cases[key] = result(key, *base["TC", "separate"], changes=HELD)
+    return results_of(cases)
+
+
+def test_variants_by_name_the_base_first(study):
+    found = variants.variants(study)
+    assert list(found) == ["base", "frictionless", "socket-held"]
+    assert [list(each) for each in found.values()] == [list(ALL[:2]), list(ALL[:2]), [ALL[0]]]
+    assert variants.variants(study.only(ALL[:2])) == {}  # nothing beside the base
+    others = [key for key in study if "@" in key[0]]
+    assert variants.variants(study.only(others)) == {}  # a sweep without a base
+
+
+def test_cases_are_shown_of_the_base_alone(study):
+    assert list(Findings(study).results) == list(ALL[:2])
+
+
+def test_a_variant_without_labels_is_named_by_its_changes(study):
+    record = study.records["TC@socket-held", "separate"]
+    plain = record.model_copy(update={"socket": "TC", "changes": HELD | NO_FRICTION})
+    assert variants.name(plain) == "model.socket_support = outer-fixed, model.friction = 0.0"
 
 
 @pytest.fixture(scope="module")
-def tables(folder: Path) -> dict[str, pd.DataFrame]:
-    made = variants.build(variants.read_variants(folder))
+def tables(study) -> dict[str, pd.DataFrame]:
+    made = [*variants.tables(study), *choices.tables(Findings(study))]
     return {table.name: table.data for table in made}
 
 
-def test_choices_and_counts(tables):
+def test_what_is_changed_and_solved(tables):
     rows = tables["variants"].set_index("variant")
-    assert rows.index.tolist() == ["base", "fascia-c10-tables", "socket-held"]
-    assert rows.choice["fascia-c10-tables"] == "fascia_c10 tables"
-    assert "fric_coeff 0.4" in rows.choice["base"]
-    assert rows.cases.tolist() == [2, 2, 1]
-    assert (rows[["holds", "does not hold", UNCHECKED]].sum(axis=1) == 105).all()
-
-
-def test_claims_under_each_variant(tables):
-    rows = tables["claims_by_variant"].set_index("id")
-    assert len(rows) == 105
-    assert rows.loc["C024", ["base", "fascia-c10-tables"]].tolist() == [HOLDS, "does not hold"]
-    assert not rows.same["C024"] and rows.same["C023"]
-    assert rows["socket-held"]["C054"] == UNCHECKED
+    assert rows.changes.tolist() == [
+        "",
+        "model.friction = 0.0",
+        "model.socket_support = outer-fixed",
+    ]
+    assert rows.cases.tolist() == [2, 2, 1] and (rows.unstable_cases == 0).all()
 
 
 def test_dependence_on_a_choice(tables):
-    rows = tables["dependence"].set_index(["tissue", "outcome", "material_set", "variant"])
-    muscle = rows.loc[("muscle", "effective_stress", "combined", "fascia-c10-tables")]
+    rows = tables["dependence"].set_index(["tissue", "quantity", "material_set", "variant"])
+    muscle = rows.loc[("muscle", "effective_stress", "combined", "frictionless")]
     assert muscle["median"] == pytest.approx(2) and not muscle.robust
     assert muscle.low == pytest.approx(2) and muscle.high == pytest.approx(2)
-    skin = rows.loc[("skin", "effective_stress", "separate", "fascia-c10-tables")]
+    skin = rows.loc[("skin", "effective_stress", "separate", "frictionless")]
     assert skin["median"] == pytest.approx(1) and skin.robust
     assert "base" not in rows.index.get_level_values("variant")
 
 
-def test_tables_are_written_and_say_what_is_left_out(folder):
-    place = folder / "tables"
-    for table in variants.build(variants.read_variants(folder)):
-        table.write(place)
-    assert {path.name for path in place.glob("*.md")} == {
-        "variants.md",
-        "claims_by_variant.md",
-        "dependence.md",
+def test_claims_under_each_variant(tables):
+    counted = tables["verdicts_by_variant"].set_index("variant")
+    assert counted.index.tolist() == ["base", "frictionless", "socket-held"]
+    assert (counted.sum(axis=1) == 53).all()
+    rows = tables["claims_by_variant"].set_index("id")
+    assert len(rows) == 105
+    # friction is an input of the study, and is as the variant has it
+    assert rows.loc["C044", ["base", "frictionless"]].tolist() == [HOLDS, "does not hold"]
+    assert not rows.same["C044"] and rows.same["C023"]
+    assert rows["socket-held"]["C054"] == UNCHECKED
+
+
+def test_tables_as_they_are_read(study):
+    made = {
+        table.name: table for table in [*variants.tables(study), *choices.tables(Findings(study))]
     }
-    text = (place / "variants.md").read_text()
-    assert "frictionless is left out" in text and "summary.csv" in text
-    assert "C023" not in (place / "claims_by_variant.md").read_text()
-    assert "×2.00 (2.00 to 2.00) *" in (place / "dependence.md").read_text()  # noqa: RUF001
-
-
-def test_a_folder_without_variants_is_refused(tmp_path):
-    with pytest.raises(InputError, match="holds no base; solve the study with --variants first"):
-        variants.read_variants(tmp_path)
-
-
-@pytest.mark.slow
-def test_variants_from_the_command_line(mpirun: Callable[..., str], tmp_path: Path):
-    words = ["-m", "calfsocket", "--size", "coarse", "--sockets", "TSB", "--materials", "combined"]
-    mpirun(2, [*words, "--variants", "--no-pictures"], timeout=900)
-    base = tmp_path / "results" / "variants" / "base"
-    assert 'id="claims_by_variant"' in (base / "report.html").read_text()
-    rows = pd.read_csv(base / "tables" / "variants.csv")
-    assert len(rows) == 6 and (rows.cases == 1).all()
+    assert "C023" not in made["claims_by_variant"].markdown()
+    assert "×2.00 (2.00 to 2.00) *" in made["dependence"].markdown()  # noqa: RUF001

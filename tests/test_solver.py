@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from calfsocket.mechanics.newton import Solver
+from calfsocket.mechanics.newton import Newton
 
 FULL_STEPS_FAIL = 3.0  # Newton's full steps on atan(x) run away from |x| > 1.392
 
@@ -29,7 +29,7 @@ class Arctangent:
 
 def solve(start, full_steps_first):
     norms = []
-    solver = Solver(Arctangent(), lambda k, norm: norms.append((k, norm)), full_steps_first)
+    solver = Newton(Arctangent(), lambda k, norm: norms.append((k, norm)), full_steps_first)
     solver.x.array[:] = start
     result = solver.solve()
     return result, norms, solver.x.array_r[0]

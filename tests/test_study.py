@@ -10,16 +10,15 @@ import pytest
 import pyvista
 
 from calfsocket import cli
-from calfsocket.meshes.data import load_limb, load_sockets
-from calfsocket.simulation.case import Settings
-from calfsocket.study.study import Study, all_cases, longest_first
+from calfsocket.study.runner import longest_first
+from calfsocket.study.study import Study
 
 COLUMNS = [
-    "socket", "material_set", "tissue", "outcome", "value", "unit", "x_mm", "y_mm", "region"
+    "socket", "material_set", "tissue", "quantity", "value", "unit", "x_mm", "y_mm", "region"
 ]  # fmt: skip
 CONTACT_COLUMNS = [
     "socket", "material_set", "arc_mm", "angle_deg", "x_mm", "y_mm", "pressure_kPa", "shear_kPa",
-    "gap_mm", "status",
+    "gap_mm", "weight_mm", "status",
 ]  # fmt: skip
 
 
@@ -39,26 +38,24 @@ def summary(results: Path) -> pd.DataFrame:
 
 def test_long_cases_are_given_out_first():
     """HS squeezes the limb most and TSB least; the calf's own tissues take longer than combined."""
-    sockets = load_sockets()
-    study = Study(tuple(all_cases(sockets)), Settings(), load_limb(), sockets, Path("anywhere"))
-    names = [case.name for case in longest_first(study, study.cases)]
+    names = [case.name for case in longest_first(Study.paper().cases)]
     expected = [f"{socket}_{s}" for socket in ("HS", "TC", "TSB") for s in ("separate", "combined")]
     assert names == expected
 
 
-def value(summary: pd.DataFrame, tissue: str, outcome: str) -> float:
-    at = summary[(summary.tissue == tissue) & (summary.outcome == outcome)]
+def value(summary: pd.DataFrame, tissue: str, quantity: str) -> float:
+    at = summary[(summary.tissue == tissue) & (summary.quantity == quantity)]
     assert len(at) == 1
     return float(at.value.iloc[0])
 
 
-def test_summary_has_every_outcome_of_every_tissue(summary):
+def test_summary_has_every_quantity_of_every_tissue(summary):
     assert list(summary.columns) == COLUMNS
     units = {"effective_stress": "kPa", "shear_stress": "kPa"}
     units |= {"amp_log_strain": "%", "shear_log_strain": "%"}
     for tissue in ("skin", "fat", "muscle", "fascia", "vessel"):
-        for outcome, unit in units.items():
-            row = summary[(summary.tissue == tissue) & (summary.outcome == outcome)]
+        for quantity, unit in units.items():
+            row = summary[(summary.tissue == tissue) & (summary.quantity == quantity)]
             assert list(row.unit) == [unit]
             assert np.isfinite(row[["value", "x_mm", "y_mm"]].to_numpy(float)).all()
             assert row.region.notna().all()
@@ -105,13 +102,14 @@ def test_checks_of_the_run(results):
     assert run["finished"]
     (case,) = run["cases"].values()
     assert case["status"] == "solved"
-    assert case["load"] == 1.0
-    assert case["residual_N_per_mm"] < 1e-9
-    assert case["smallest_volume_ratio"] > 0
-    assert case["largest_gap_in_contact_mm"] < 1e-2
-    assert case["relative_force_imbalance"] < 1e-6
-    assert case["negative_modes"] == 0
-    assert {"mesh", "setup", "solve", "outcomes", "files", "picture"} <= case["seconds"].keys()
+    checks = case["checks"]
+    assert checks["load"] == 1.0
+    assert checks["residual_N_per_mm"] < 1e-9
+    assert checks["smallest_volume_ratio"] > 0
+    assert checks["largest_gap_in_contact_mm"] < 1e-2
+    assert checks["relative_force_imbalance"] < 1e-6
+    assert checks["negative_modes"] == 0
+    assert {"mesh", "setup", "solve", "quantities", "files", "picture"} <= case["seconds"].keys()
     assert run["versions"]["fenics-dolfinx"].startswith("0.9")
 
 
@@ -150,7 +148,7 @@ def test_results_of_other_settings_are_not_overwritten(results, capsys):
     before = (results / "summary.csv").read_bytes()
     words = ["--size", "coarse", "--sockets", "TSB", "--friction", "0.3", "--out", str(results)]
     assert cli.main(words) == 2
-    assert "contact.fric_coeff" in capsys.readouterr().err
+    assert "model.friction" in capsys.readouterr().err
     assert (results / "summary.csv").read_bytes() == before
 
 
@@ -171,7 +169,7 @@ def test_one_case_on_several_ranks_agrees(ranks, mpirun, tmp_path, summary):
     words = ["-m", "calfsocket", "--size", "coarse", "--sockets", "TSB", "--materials", "combined"]
     mpirun(ranks, [*words, "--ranks-per-case", str(ranks), "--no-pictures"], timeout=400)
     several = pd.read_csv(tmp_path / "results" / "summary.csv")
-    same = ["socket", "material_set", "tissue", "outcome", "unit", "region"]
+    same = ["socket", "material_set", "tissue", "quantity", "unit", "region"]
     pd.testing.assert_frame_equal(several[same], summary[same])
     np.testing.assert_allclose(several.value, summary.value, rtol=1e-6)
 

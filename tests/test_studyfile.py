@@ -3,7 +3,6 @@
 import json
 import re
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -12,17 +11,15 @@ import pytest
 
 from calfsocket import cli
 from calfsocket.commands import study as paper_command
-from calfsocket.materials.laws import Hencky, Ogden
+from calfsocket.materials.hencky import Hencky
+from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
-from calfsocket.meshes import curves, data
-from calfsocket.meshes.data import NormalOffset, load_limb, load_sockets
-from calfsocket.meshes.loops import limb_curves
-from calfsocket.simulation.case import Case, Settings, region_laws
-from calfsocket.study import document, reading, schema, variants
-from calfsocket.study.build import to_study
-from calfsocket.study.inventory import laws_of_sets
-from calfsocket.study.plan import Plan
-from calfsocket.study.study import all_cases
+from calfsocket.meshes import curves, limb
+from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.socket import NormalOffset, Socket
+from calfsocket.study import document
+from calfsocket.study.cases import Plan
+from calfsocket.study.study import Study, example, variants
 
 STUDIES = Path(document.__file__).parent / "data"
 
@@ -34,7 +31,7 @@ def plan(tmp_path):
     def make(text: str) -> Plan:
         path = tmp_path / "study.toml"
         path.write_text(text)
-        return reading.read_study(path).plan()
+        return Study.read(path).plan
 
     return make
 
@@ -46,11 +43,13 @@ def names(plan: Plan) -> list[str]:
 # ----- the paper's study
 
 
-def test_the_papers_study_is_its_six_runs_with_the_papers_settings():
-    plan = reading.paper_study().plan()
-    assert plan.cases == tuple(all_cases(load_sockets()))
-    assert plan.settings == Settings()
-    assert plan.shapes == {} and plan.thresholds == ()
+def test_the_papers_study_is_its_six_runs_with_the_defaults():
+    plan = Study.paper().plan
+    pairs = [(socket, name) for socket in ("TC", "TSB", "HS") for name in ("separate", "combined")]
+    assert [case.key for case in plan.cases] == [case.of for case in plan.cases] == pairs
+    assert plan.document.model == document.ModelTable()
+    assert all(case.socket == Socket.reference(case.of[0]) for case in plan.cases)
+    assert plan.thresholds == () and plan.parameters == ()
 
 
 def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
@@ -59,22 +58,26 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     words = ["--size", "coarse", "--sockets", "hs", "--friction", "0.3", "--material", f"fat={law}"]
     parser = cli._parser("", paper_command)
     study = paper_command._study(parser.parse_all(words))
-    assert [case.name for case in study.cases] == ["HS_separate", "HS_combined"]
-    assert study.known == tuple(all_cases(load_sockets()))
-    assert study.settings.size == "coarse" and study.settings.contact.fric_coeff == 0.3
-    assert study.settings.materials == {"fat": Hencky(e=0.003, nu=0.4)}
-    assert study.origin["content"]["model"]["friction"] == 0.3
-    assert study.origin["files"][str(law)]["content"]["nu"] == 0.4
+    assert [case.name for case in study.plan.to_solve] == ["HS_separate", "HS_combined"]
+    assert len(study.cases) == 6
+    simulation = study.plan.to_solve[0].simulation()
+    assert simulation.mesh_size.name == "coarse" and simulation.contact.friction == 0.3
+    assert simulation.region_laws["subcutaneous_fat"] == Hencky(e=0.003, nu=0.4)
+    assert study.plan.source.content["model"]["friction"] == 0.3
+    assert study.plan.source.files[str(law)]["content"]["nu"] == 0.4
 
 
-def test_every_variant_of_the_paper_is_a_file_that_repeats_it():
-    file = reading.paper_study()
-    study = to_study(file, file.plan(), Path("out"))
-    family = variants.studies(study)
-    assert len(family) == 1 + len(variants.VARIANTS)
-    for each in family:
-        again = replace(file, content=each.origin["content"]).plan()
-        assert again.settings == each.settings and again.cases == each.cases
+def test_variants_are_a_sweep_of_named_changes(tmp_path):
+    parser = cli._parser("", paper_command)
+    words = ["--variants", "--sockets", "HS", "--materials", "separate"]
+    study = paper_command._study(parser.parse_all(words))
+    labels = ["", *(f"@{name}" for name in variants())]
+    assert [case.name for case in study.plan.to_solve] == [f"HS{x}_separate" for x in labels]
+    assert {case.of for case in study.plan.to_solve} == {("HS", "separate")}
+    held = study.plan.to_solve[1]
+    assert held.changes == {"model.socket_support": "outer-fixed"}
+    assert held.simulation().support == "outer-fixed"
+    assert len(study.plan.cases) == 6 * (1 + len(variants()))
 
 
 # ----- the example, and what editors use
@@ -85,16 +88,19 @@ def test_the_example_passes_check_and_states_the_defaults(tmp_path, monkeypatch,
     assert cli.main(["new", "my.toml"]) == 0
     assert cli.main(["check", "my.toml"]) == 0
     assert "4 cases" in capsys.readouterr().out
-    content = tomllib.loads(reading.example())
+    content = tomllib.loads(example())
     checked = document.Document.model_validate(content)
-    assert content["model"].keys() | {"gamma", "gamma_t"} == document.ModelTable.model_fields.keys()
-    assert content["steps"].keys() == document.StepsTable.model_fields.keys()
-    assert checked.model == document.ModelTable() and checked.steps == document.StepsTable()
+    assert content["model"].keys() | {
+        "gamma",
+        "gamma_t",
+    } == document.ModelTable.model_fields.keys() - {"gauss_points"}
+    assert content["steps"].keys() <= document.LoadSteps.model_fields.keys()
+    assert checked.model == document.ModelTable() and checked.steps == document.LoadSteps()
 
 
 def test_every_remark_of_the_example_can_be_used():
     lines = []
-    for line in reading.example().splitlines():
+    for line in example().splitlines():
         remark = re.fullmatch(r"# (\[.*|[a-z_.]+ = .*|    \{.*|\](?: .*)?)", line)
         lines.append(remark[1] if remark else line)
     content = tomllib.loads("\n".join(lines))
@@ -102,27 +108,27 @@ def test_every_remark_of_the_example_can_be_used():
     assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
     document.Document.model_validate(content)
-    jsonschema.validate(content, json.loads(schema.schema_text()))
+    jsonschema.validate(content, json.loads(document.schema_text()))
 
 
 def test_the_schema_that_is_shipped_is_that_of_the_models(capsys):
     assert cli.main(["schema"]) == 0
     printed = capsys.readouterr().out
-    assert printed == (STUDIES / schema.SCHEMA_FILE).read_text(encoding="utf-8")
+    assert printed == (STUDIES / document.SCHEMA_FILE).read_text(encoding="utf-8")
     jsonschema.Draft202012Validator.check_schema(json.loads(printed))
 
 
 @pytest.mark.parametrize("name", ["paper.toml", "example.toml"])
 def test_the_studies_fit_the_schema_and_a_typing_error_does_not(name):
     content = tomllib.loads((STUDIES / name).read_text(encoding="utf-8"))
-    validator = jsonschema.Draft202012Validator(json.loads(schema.schema_text()))
+    validator = jsonschema.Draft202012Validator(json.loads(document.schema_text()))
     assert list(validator.iter_errors(content)) == []
     content["model"]["frictoin"] = 0.4
     assert [error.validator for error in validator.iter_errors(content)] == ["additionalProperties"]
 
 
 def test_the_schema_knows_units():
-    validator = jsonschema.Draft202012Validator(json.loads(schema.schema_text()))
+    validator = jsonschema.Draft202012Validator(json.loads(document.schema_text()))
 
     def errors(wall):
         content = {"sockets": {"mine": {"like": "TC", "wall_thickness": wall}}}
@@ -150,14 +156,14 @@ def test_numbers_with_units_reach_the_socket(plan):
         """
     )
     (case,) = made.cases
-    shape = made.shapes["a"]
-    assert isinstance(shape, NormalOffset)
-    assert (shape.base, shape.wall_thickness, shape.bumps[0].amplitude) == (0.5, 3.0, 0.5)
-    assert shape.bumps[0].center == pytest.approx(180)
-    assert case.settings.materials == {"socket": Hencky(e=2200.0, nu=SOCKET.nu)}
+    socket = case.socket
+    assert isinstance(socket, NormalOffset) and socket.name == "a"
+    assert (socket.base, socket.wall_thickness, socket.bumps[0].amplitude) == (0.5, 3.0, 0.5)
+    assert socket.bumps[0].center == pytest.approx(180)
+    assert case.simulation().region_laws["socket"] == Hencky(e=2200.0, nu=SOCKET.nu)
     # The whole skin is moved inward by 0.5 mm or more.
-    assert made.placements["a"].touching == 1
-    assert made.placements["a"].largest_overlap == pytest.approx(1.0, abs=0.02)
+    assert case.placement.touching == 1
+    assert case.placement.largest_overlap == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_socket_like_another_keeps_what_is_not_named(plan):
@@ -165,15 +171,16 @@ def test_a_socket_like_another_keeps_what_is_not_named(plan):
         '[study]\nsockets = ["mine", "TSB"]\nmaterials = ["combined"]\n'
         '[sockets.mine]\nlike = "HS"\narea_reduction = "3 %"\n'
     )
-    reference = load_sockets().sockets["HS"]
-    assert made.shapes == {"mine": reference.model_copy(update={"area_reduction": 0.03})}
-    assert made.placements["mine"].area_reduction == pytest.approx(0.03, abs=1e-6)
-    assert made.cases[1] == Case("TSB", "combined")  # as in the paper's study
+    mine, tsb = made.cases
+    changes = {"name": "mine", "area_reduction": 0.03}
+    assert mine.socket == Socket.reference("HS").model_copy(update=changes)
+    assert mine.placement.area_reduction == pytest.approx(0.03, abs=1e-6)
+    assert tsb.socket == Socket.reference("TSB")
 
 
 def test_an_outline_is_read_from_beside_the_study(tmp_path):
-    limb = load_limb()
-    skin = limb_curves(limb)[limb.contact_boundary]
+    calf = Limb.reference()
+    skin = limb_curves(calf)[calf.contact_boundary]
     inner = curves.offset(skin, lambda points: np.full(len(points), -1.0))
     rows = [f"{x:.6f}, {y:.6f}" for x, y in inner.evaluate(inner.sample(4.0))]
     (tmp_path / "inner.csv").write_text("x, y\n" + "\n".join(rows))
@@ -182,15 +189,14 @@ def test_an_outline_is_read_from_beside_the_study(tmp_path):
         '[study]\nsockets = ["a"]\nmaterials = ["combined"]\n'
         '[sockets.a]\noutline = "inner.csv"\nshift = ["0.3 mm", "-0.2 mm"]\nrotation = "1 deg"\n'
     )
-    file = reading.read_study(path)
-    made = file.plan()
-    shape = made.shapes["a"]
+    (case,) = Study.read(path).cases
+    shape = case.socket
     assert [f"{x:.6f}, {y:.6f}" for x, y in shape.points] == rows
     assert shape.shift == (0.3, -0.2) and shape.rotation == 1
     # 1 mm off all round takes 1 mm of the perimeter; turned and moved it encloses the same.
     lost = skin.perimeter / skin.area
-    assert made.placements["a"].area_reduction == pytest.approx(lost, rel=0.02)
-    record = file.files.record["inner.csv"]
+    assert case.placement.area_reduction == pytest.approx(lost, rel=0.02)
+    record = Study.read(path).plan.source.files["inner.csv"]
     assert len(record["content"]) == len(rows) and len(record["sha256"]) == 64
 
 
@@ -213,39 +219,32 @@ def test_laws_by_tissue_and_by_region(plan):
         vessel = { law = "hencky", e = "12 kPa", nu = 0.49 }
         """
     )
-    limb = load_limb()
-    own, shared, paper = (
-        region_laws(case, case.settings or made.settings, limb) for case in made.cases
-    )
+    own, shared, paper = (case.simulation().region_laws for case in made.cases)
     assert own["subcutaneous_fat"] == Ogden(mu=(0.002,), alpha=(2.0,), d1=10.0)
     assert own["soleus"] == Hencky(e=0.03, nu=0.45) != own["tibialis_anterior"]
     assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
-    assert own["small_saphenous_vein"] == shared["small_saphenous_vein"] == Hencky(e=0.012, nu=0.49)
-    laws = laws_of_sets(made.cases, made.settings, limb)
-    assert list(laws) == ["separate", "combined", "own", "shared"]
-    assert laws["own"]["soleus"]["e"] == 0.03 and "soleus" not in laws["shared"]
+    vein = "small_saphenous_vein"
+    assert own[vein] == shared[vein] == Hencky(e=0.012, nu=0.49)
 
 
 def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
-    from calfsocket.simulation.case import step_control
-
     made = plan(
         '[study]\nsockets = ["TC"]\nmaterials = ["a", "b"]\n'
         '[materials.a]\nlike = "combined"\n[materials.b]\n'
     )
-    assert [step_control(case, made.settings).predict for case in made.cases] == [True, False]
+    assert [case.simulation().steps.extrapolate for case in made.cases] == [True, False]
 
 
 def test_another_limb_is_read_from_beside_the_study(tmp_path):
-    calf = json.loads(Path(data.__file__).with_name("calf.json").read_text())
+    calf = json.loads(Path(limb.__file__).with_name("calf.json").read_text())
     calf["title"] = "another"
     (tmp_path / "limb.json").write_text(json.dumps(calf))
     path = tmp_path / "study.toml"
     path.write_text(BASE.replace("[study]", '[study]\nlimb = "limb.json"'))
-    file = reading.read_study(path)
-    assert file.plan().limb.title == "another"
-    assert file.sha256.keys() == {"study.toml", "limb.json"}
+    study = Study.read(path)
+    assert study.plan.limb.title == "another"
+    assert study.plan.source.sha256.keys() == {"study.toml", "limb.json"}
 
 
 # ----- cases and sweeps
@@ -277,9 +276,10 @@ def test_a_grid_makes_a_case_of_each_combination_that_reaches_it(plan):
     wanted += [f"{socket}_{s}" for s in ("separate", "soft") for socket in mine]
     assert names(made) == wanted
     assert made.parameters == ("model.friction", "sockets.mine.wall_thickness")
-    assert made.shapes["mine@friction=0.2,wall_thickness=5mm"].wall_thickness == 5
-    frictions = {case.name: (case.settings or made.settings).contact for case in made.cases}
-    assert {c.fric_coeff for n, c in frictions.items() if "friction=0.2" in n} == {0.2}
+    walls = {case.socket.wall_thickness for case in made.cases if "thickness=5mm" in case.name}
+    assert walls == {5.0}
+    slippery = [case for case in made.cases if "friction=0.2" in case.name]
+    assert {case.simulation().contact.friction for case in slippery} == {0.2}
 
 
 def test_a_list_takes_values_together(plan):
@@ -289,7 +289,7 @@ def test_a_list_takes_values_together(plan):
         "TC@friction=0.4,largest=0.5_separate",
     ]
     assert len(made.cases) == 8
-    assert made.cases[1].settings.steps.largest == 0.5
+    assert made.cases[1].simulation().steps.largest == 0.5
 
 
 def test_a_sweep_over_a_law_is_told_in_the_name_of_the_set(plan):
@@ -298,8 +298,9 @@ def test_a_sweep_over_a_law_is_told_in_the_name_of_the_set(plan):
         "TC_separate", "TC_soft@mu=1kPa", "TC_soft@mu=2kPa",
         "mine_separate", "mine_soft@mu=1kPa", "mine_soft@mu=2kPa",
     ]  # fmt: skip
-    assert made.cases[2].settings.materials["fat"].mu == (0.002,)
-    assert made.cases[2].base == "separate"
+    soft = made.cases[2]
+    assert soft.simulation().region_laws["subcutaneous_fat"].mu == (0.002,)
+    assert soft.of == ("TC", "soft") and soft.materials.base == "separate"
 
 
 def test_values_that_make_no_word_are_counted(plan):
@@ -307,7 +308,7 @@ def test_values_that_make_no_word_are_counted(plan):
     tables = ", ".join(f'{{ law = "hencky", e = "3 kPa", nu = {law["nu"]} }}' for law in laws)
     made = plan(BASE + f"[sweep.grid]\nmaterials.soft.fat = [{tables}]\n")
     assert names(made)[1:3] == ["TC_soft@fat=value-1", "TC_soft@fat=value-2"]
-    assert made.cases[2].settings.materials["fat"] == Hencky(e=0.003, nu=0.45)
+    assert made.cases[2].materials.tissue_laws()["fat"] == Hencky(e=0.003, nu=0.45)
 
 
 def test_parameters_of_one_name_are_told_apart(plan):
@@ -336,9 +337,10 @@ def test_cases_one_by_one_with_parameters_of_their_own(plan):
         """
     )
     assert names(made) == ["HS_separate", "HS@held_separate", "HS@friction=0.2_separate"]
-    assert made.cases[0].settings is None
-    assert made.cases[1].settings.socket_support == "outer-fixed"
-    assert made.cases[1].paper_set == "separate"
+    assert [dict(case.changes) for case in made.cases] == [
+        {}, {"model.friction": 0.1, "model.socket_support": "outer-fixed"}, {"model.friction": 0.2}
+    ]  # fmt: skip
+    assert made.cases[1].simulation().support == "outer-fixed"
 
 
 def test_names_lead_into_lists(plan):
@@ -347,14 +349,15 @@ def test_names_lead_into_lists(plan):
         'bumps = [{ center = "0 deg", width = "20 deg", amplitude = "1 mm" }]')
         + '[sweep.grid]\nsockets.mine.bumps.0.amplitude = ["1 mm", "2 mm"]\n'
     )  # fmt: skip
-    assert made.shapes["mine@amplitude=2mm"].bumps[0].amplitude == 2.0
+    swept = {case.socket.name: case.socket for case in made.cases}
+    assert swept["mine@amplitude=2mm"].bumps[0].amplitude == 2.0
 
 
 # ----- check and show
 
 
 def test_check_lists_cases_and_solves_nothing(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("calfsocket.study.study.run_study", lambda *_: pytest.fail("solved"))
+    monkeypatch.setattr("calfsocket.study.study.Runner", lambda *_: pytest.fail("solved"))
     path = tmp_path / "study.toml"
     path.write_text(BASE)
     assert cli.main(["check", str(path)]) == 0

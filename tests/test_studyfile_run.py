@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -10,16 +9,16 @@ import pytest
 
 from calfsocket import cli
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.data import load_limb
-from calfsocket.study.build import to_study
-from calfsocket.study.reading import read_study
-from calfsocket.study.study import check_folder
+from calfsocket.meshes.limb import Limb
+from calfsocket.study.cases import Plan
+from calfsocket.study.record import Recorder, check_folder
+from calfsocket.study.study import Study
 
 STUDY = """
 [study]
 sockets = ["mine"]
 materials = ["soft"]
-outcomes = ["contact_pressure_mean", "contact_share"]
+quantities = ["contact_pressure_mean", "contact_share"]
 [model]
 size = "coarse"
 [sockets.mine]
@@ -30,7 +29,7 @@ like = "combined"
 combined = { file = "both.toml" }
 soleus = { law = "ogden", mu = ["20 kPa"], alpha = [14], nu = 0.495 }
 [[thresholds]]
-outcome = "contact_pressure"
+quantity = "contact_pressure"
 value = "11 kPa"
 [sweep.list]
 model.friction = [0.3]
@@ -58,8 +57,9 @@ def test_the_case_is_solved_with_what_the_file_says(results):
     run = json.loads((results / "run.json").read_text())
     assert list(run["cases"]) == [NAME]
     entry = run["cases"][NAME]
-    assert entry["status"] == "solved" and entry["negative_modes"] == 0
-    assert entry["changes"] == {"model.friction": 0.3} and entry["paper_set"] == "combined"
+    assert entry["status"] == "solved" and entry["checks"]["negative_modes"] == 0
+    assert entry["changes"] == {"model.friction": 0.3} and entry["base_set"] == "combined"
+    assert entry["of"] == ["mine", "soft"]
     assert run["laws"]["soft"]["soleus"]["mu"] == [0.02]
     assert run["laws"]["soft"]["muscle"]["d1"] == pytest.approx(1.67)
     contact = pd.read_csv(results / "contact.csv")
@@ -72,18 +72,18 @@ def test_contact_pressure_is_that_of_the_lost_area(results):
     of_soleus = 2 * 0.020 * 1.495 / (3 * 0.01)  # MPa; muscle and fascia else 2/1.67
     fat, skin, vessel = 2 / 11.8, 2 / 0.0912, 0.010 / 0.06
     bulk = {"skin": skin, "fat": fat, "muscle": 2 / 1.67, "fascia": 2 / 1.67, "vessel": vessel}
-    regions = [region for region in load_limb().regions if region.tissue != "bone"]
+    regions = [region for region in Limb.reference().regions if region.tissue != "bone"]
     compliance = sum(
         region.area / (of_soleus if region.name == "soleus" else bulk[region.tissue])
         for region in regions
     )
     estimate = 1000 * 0.0164 * 10177 / compliance
-    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "outcome"]).value
+    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "quantity"]).value
     assert summary["skin", "contact_pressure_mean"] == pytest.approx(estimate, rel=0.1)
 
 
 def test_summary_and_sweep_tell_the_threshold(results):
-    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "outcome"]).value
+    summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "quantity"]).value
     share = summary["skin", "share_of_contact_pressure_above_11_kPa"]
     assert 0 < share < 100
     (row,) = pd.read_csv(results / "sweep.csv").to_dict("records")
@@ -117,31 +117,38 @@ def test_run_json_alone_repeats_the_run(results, tmp_path, monkeypatch):
     )
     for key in ("inputs", "laws", "limb", "sockets"):
         assert now[key] == before[key]
-    for key in ("content", "files", "seeds"):
+    for key in ("content", "files"):
         assert now["study"][key] == before["study"][key]
-    assert before["study"]["seeds"].startswith("none")
     assert now["study"]["sha256"].items() > before["study"]["sha256"].items()
     assert set(before["study"]["sha256"]) == {"study.toml"}
     assert len(before["study"]["files"]["both.toml"]["sha256"]) == 64
 
 
-def study_of(path: Path, out: Path):
-    file = read_study(path)
-    return to_study(file, file.plan(), out)
+def plan_of(path: Path) -> Plan:
+    return Study.read(path).plan
 
 
 def test_results_of_another_study_are_not_mixed_in(results, tmp_path):
-    same = study_of(write_study(tmp_path), results)
-    check_folder(same, overwrite=False)
-    more = study_of(write_study(tmp_path, STUDY.replace("[0.3]", "[0.3, 0.5]")), results)
-    check_folder(more, overwrite=False)  # adds a case, and leaves the other as it is
+    check_folder(results, plan_of(write_study(tmp_path)), overwrite=False)
+    more = plan_of(write_study(tmp_path, STUDY.replace("[0.3]", "[0.3, 0.5]")))
+    check_folder(results, more, overwrite=False)  # adds a case, and leaves the other as it is
     assert len(more.cases) == 2
-    stiffer = study_of(write_study(tmp_path, STUDY.replace("2.2 GPa", "2.3 GPa")), results)
+    stiffer = plan_of(write_study(tmp_path, STUDY.replace("2.2 GPa", "2.3 GPa")))
     with pytest.raises(InputError, match=rf"other inputs \(case {NAME}\)"):
-        check_folder(stiffer, overwrite=False)
-    limit = study_of(write_study(tmp_path, STUDY.replace("11 kPa", "9 kPa")), results)
+        check_folder(results, stiffer, overwrite=False)
+    limit = plan_of(write_study(tmp_path, STUDY.replace("11 kPa", "9 kPa")))
     with pytest.raises(InputError, match=r"other inputs \(thresholds\)"):
-        check_folder(limit, overwrite=False)
+        check_folder(results, limit, overwrite=False)
+
+
+def test_a_run_of_another_version_is_refused_in_one_line(results, tmp_path, capsys):
+    run = json.loads((results / "run.json").read_text())
+    del run["format"]  # as calfsocket 0.1 wrote it
+    run["versions"]["calfsocket"] = "0.1.0"
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    assert cli.main(["run", str(tmp_path / "run.json")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "was written by calfsocket 0.1.0" in line and "solve the study file again" in line
 
 
 def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
@@ -152,10 +159,10 @@ def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
 
     from calfsocket.commands.run import set_options
 
-    file = read_study(tmp_path / "run.json")
+    study = Study.read(tmp_path / "run.json")
     known = PETSc.Options()
     try:
-        set_options(file.petsc_options)
+        set_options(study.petsc_options)
         assert known.getString("calfsocket_snes_max_it") == "7"
         set_options({"calfsocket_snes_max_it": "9"})  # given already
         assert known.getString("calfsocket_snes_max_it") == "7"
@@ -167,20 +174,15 @@ def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
 
 def test_a_run_of_some_cases_repeats_those(tmp_path):
     """The bare command's choice of cases is in run.json, too."""
-    from calfsocket.study.reading import paper_study
-    from calfsocket.study.record import Ledger
-
-    file = paper_study()
-    study = to_study(file, file.plan(), tmp_path, only=["HS_combined", "TC_separate"])
-    Ledger(replace(study, out=tmp_path), ranks=1)
-    again = read_study(tmp_path / "run.json")
-    assert set(again.only) == {"HS_combined", "TC_separate"}
-    repeated = to_study(again, again.plan())
-    assert repeated.cases == study.cases and repeated.known == study.known
-    assert repeated.inputs() == study.inputs()
+    study = Study.paper().changed(chosen=["HS_combined", "TC_separate"])
+    Recorder(study.plan, tmp_path, ranks=1)
+    again = Study.read(tmp_path / "run.json")
+    assert set(again.chosen) == {"HS_combined", "TC_separate"}
+    assert again.cases == study.cases
+    assert again.plan.fingerprints == study.plan.fingerprints
 
 
-def test_a_folder_of_results_is_gone_on_with_where_it_is(results, tmp_path, capsys):
+def test_a_folder_of_results_is_resumed_where_it_is(results, tmp_path, capsys):
     """`run --resume DIR`: what is solved stays as it is, to the byte; what is missing is solved."""
     out = tmp_path / "results"
     shutil.copytree(results, out)

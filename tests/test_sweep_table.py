@@ -3,23 +3,43 @@
 import pandas as pd
 import pytest
 
+from calfsocket.meshes.limb import Limb
 from calfsocket.postprocess.thresholds import Threshold
-from calfsocket.simulation.case import Case
-from calfsocket.study.sweep_table import Sweep, column, harmless, table
+from calfsocket.simulation.record import CaseRecord, StudySource
+from calfsocket.study.cases import Plan
+from calfsocket.study.document import Document
+from calfsocket.study.sweep_table import column, harmless, table
 
-CASES = [
-    Case("A@friction=0.2", "m", changes={"model.friction": 0.2}),
-    Case("B@w=3mm", "m", changes={"model.friction": 0.4, "sockets.B.wall_thickness": "3 mm"}),
-    Case("B@w=5mm", "m", changes={"model.friction": 0.4, "sockets.B.wall_thickness": "5.5 mm"}),
-]
+
+def record(socket: str, status: str, **changes: object) -> CaseRecord:
+    of = (socket.partition("@")[0], "m")
+    named = {key.replace("__", "."): value for key, value in changes.items()}
+    return CaseRecord(socket=socket, material_set="m", of=of, changes=named, status=status)
+
+
+RECORDS = (
+    record("A@friction=0.2", "solved", model__friction=0.2),
+    record("B@w=3mm", "failed", model__friction=0.4, sockets__B__wall_thickness="3 mm"),
+    record("B@w=5mm", "running", model__friction=0.4, sockets__B__wall_thickness="5.5 mm"),
+)
+
+
+def plan(quantities: tuple[str, ...], *parameters: str) -> Plan:
+    """Return a plan whose cases are the records."""
+    threshold = {"quantity": "contact_pressure", "value": "60 kPa"}
+    document = Document.model_validate(
+        {"study": {"quantities": quantities}, "thresholds": [threshold]}
+    )
+    source = StudySource(file="study.toml", content={})
+    return Plan(source, document, Limb.reference(), RECORDS, parameters=parameters)
 
 
 def test_a_row_a_case():
     limit = Threshold("contact_pressure", "skin", 60.0)
-    sweep = Sweep(
-        ("model.friction", "sockets.B.wall_thickness"),
+    sweep = plan(
         ("contact_pressure_mean", "effective_stress", "pressure"),
-        (limit,),
+        "model.friction",
+        "sockets.B.wall_thickness",
     )
     rows = [
         ("A@friction=0.2", "m", "skin", "contact_pressure_mean", 12.5),
@@ -28,9 +48,9 @@ def test_a_row_a_case():
         ("A@friction=0.2", "m", "skin", limit.name, 3.0),
         ("B@w=3mm", "m", "skin", "contact_pressure_mean", 20.0),
     ]
-    columns = ["socket", "material_set", "tissue", "outcome", "value"]
-    status = {CASES[0].name: "solved", CASES[1].name: "failed", CASES[2].name: "running"}
-    made = table(sweep, CASES, status, pd.DataFrame(rows, columns=columns))
+    columns = ["socket", "material_set", "tissue", "quantity", "value"]
+    records = {each.name: each for each in RECORDS}
+    made = table(sweep, records, pd.DataFrame(rows, columns=columns))
     assert list(made.columns) == [
         "case", "socket", "material_set", "model.friction", "sockets.B.wall_thickness [mm]",
         "contact_pressure_mean_kPa", "skin_effective_stress_kPa", "fat_effective_stress_kPa",
@@ -49,9 +69,9 @@ def test_a_row_a_case():
 
 
 def test_before_anything_is_solved():
-    made = table(Sweep(("model.friction",), ("contact_share",)), CASES[:1], {CASES[0].name: "x"},
-                 pd.DataFrame())  # fmt: skip
-    assert made.to_dict("records")[0]["status"] == "x"
+    records = {RECORDS[0].name: RECORDS[0].model_copy(update={"status": "running"})}
+    made = table(plan(("contact_share",), "model.friction"), records, pd.DataFrame())
+    assert [row["status"] for row in made.to_dict("records")] == ["running"]
 
 
 @pytest.mark.parametrize(

@@ -4,17 +4,17 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
+from calfsocket.paper.guest import guest
+from calfsocket.paper.scoreboard import counts
+from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.report import tables
-from calfsocket.report.figures import draw_figures
-from calfsocket.report.figures.panels import MOST_ABREAST, MOST_SHOWN, abreast
-from calfsocket.report.results import read_results
-from calfsocket.report.scoreboard import scoreboard
-from calfsocket.report.writing import write_report
-from report_results import contact_on, limb, write_results
+from calfsocket.report.findings import Findings
+from calfsocket.simulation.results import load_results
+from conftest import write_small_report
+from report_results import contact_on, limb, result, results_of, write_results
 
 SOURCES = Path(__file__).resolve().parent.parent
 TITLE = 'Walls <script>alert("1")</script> & more'
@@ -47,20 +47,18 @@ def test_the_container_runs_unprivileged():
 
 def own_results(folder: Path, cases) -> Path:
     """Write results of cases of one's own, with a title and a sweep."""
-    write_results(folder, cases)
+    threshold = Threshold("contact_pressure", "skin", 9.0)
+    made = {
+        key: result(key, *case, changes={"model.friction": float(key[0].split("=")[1][:3])})
+        for key, case in cases.items()
+    }
+    write_results(folder, made, thresholds=[threshold])
     run = json.loads((folder / "run.json").read_text())
-    run["study"] = {"content": {"study": {"title": TITLE}}}
+    run["study"]["content"] = {"study": {"title": TITLE}}
     run["laws"]["soft"] = run["laws"]["separate"] | {
         "soleus": {"law": "hencky", "e": 0.03, "nu": 0.45}
     }
-    for name, entry in run["cases"].items():
-        if "@" in name:
-            entry["changes"] = {"model.friction": float(name.split("=")[1][:3])}
     (folder / "run.json").write_text(json.dumps(run))
-    summary = pd.read_csv(folder / "summary.csv")
-    first = summary[summary.outcome == "contact_pressure_mean"]
-    beyond = first.assign(outcome="share_of_contact_pressure_above_9_kPa", value=12.5, unit="%")
-    pd.concat([summary, beyond]).to_csv(folder / "summary.csv", index=False)
     sweep = pd.DataFrame({"case": list(run["cases"]), "socket": "s", "material_set": "m",
                           "p": "'=1+1", "status": "solved"})  # fmt: skip
     sweep.to_csv(folder / "sweep.csv", index=False)
@@ -75,9 +73,7 @@ def solved(factor: float):
 @pytest.fixture(scope="module")
 def own(tmp_path_factory) -> Path:
     cases = {key: solved(1.0 + i) for i, key in enumerate(OWN)}
-    folder = own_results(tmp_path_factory.mktemp("own"), cases)
-    write_report(folder)
-    return folder
+    return write_small_report(own_results(tmp_path_factory.mktemp("own"), cases))
 
 
 def test_titles_are_escaped_in_the_page(own):
@@ -102,37 +98,32 @@ def test_a_study_without_the_papers_cases_is_not_held_against_the_paper(own):
         assert word not in page
 
 
+def test_the_page_of_another_study_does_not_speak_of_the_paper(own):
+    page = (own / "report.html").read_text(encoding="utf-8")
+    text = re.sub(r"<style>.*?</style>|data:[^\"]*", "", page, flags=re.DOTALL)
+    for word in ("paper", "calf ", "calves", "TC", "TSB", "HS ", "laim", "coreboard"):
+        assert word not in text.replace("calfsocket", ""), word
+
+
 def test_tables_of_its_own_hold_its_numbers(own):
-    results = read_results(own)
-    assert results.cases == OWN and results.of_paper is None
-    made = {table.name: table for table in tables.build(results)}
-    assert made["laws"].shown.loc["soleus", "soft"] == "hencky: e 0.03 MPa, nu 0.45"
-    maxima = made["maxima"].shown
+    results = load_results(own)
+    assert tuple(results) == OWN and guest(Findings(results)) is None
+    assert tables.laws(results).shown.loc["soleus", "soft"] == "hencky: e 0.03 MPa, nu 0.45"
+    maxima = tables.maxima(results).shown
     assert list(maxima.columns) == list(OWN)
     assert maxima.loc[("skin", "mean contact pressure, kPa"), OWN[1]] == "10.0"
-    thresholds = made["thresholds"].shown
-    assert thresholds.loc[("skin", "contact pressure above 9 kPa"), OWN[0]] == "12.5"
+    thresholds = tables.thresholds(results).shown
+    assert thresholds.loc[("skin", "contact pressure above 9 kPa"), OWN[0]] == "0"
+    assert thresholds.loc[("skin", "contact pressure above 9 kPa"), OWN[1]] == "100"
     assert "model.friction = 0.2" in (own / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_mixed_study_compares_only_the_papers_cases(tmp_path):
+def test_a_mixed_study_compares_only_the_papers_cases():
     key = ("TC", "separate")
-    folder = own_results(tmp_path, {key: solved(1.0), OWN[0]: solved(2.0)})
-    results = read_results(folder)
-    assert results.of_paper.cases == (key,)
-    assert results.of_paper.sockets == ("TC",) and set(results.of_paper.summary.socket) == {"TC"}
-    made = {table.name: table for table in tables.build(results)}
+    added = guest(Findings(results_of({key: solved(1.0), OWN[0]: solved(2.0)})))
+    made = {each.name: each for chapter in added.chapters for each in chapter.content
+            if hasattr(each, "shown")}  # fmt: skip
     assert list(made["table2"].shown.columns) == [("TC", "Separate")]
-    assert {"laws", "maxima", "pressure"} <= made.keys()
-    assert made["damage"].shown.shape[1] == 2
-    assert len(scoreboard(results)) == 105
-
-
-def test_many_sockets_are_drawn_in_rows_and_the_rest_is_said(tmp_path):
-    sockets = [f"s{i:02d}" for i in range(14)]
-    assert [len(row) for row in abreast(sockets)] == [MOST_ABREAST] * 3
-    one = solved(1.0)
-    folder = own_results(tmp_path, {(name, "soft"): one for name in sockets[:5]})
-    for figure in draw_figures(read_results(folder)):
-        assert figure.png.is_file()
-    assert MOST_SHOWN == 12 and np.isfinite(one[1].pressure_kPa).all()
+    assert added.replaces == ()  # what the other cases need stays
+    (board,) = added.tables
+    assert sum(counts(board.data).values()) == 53

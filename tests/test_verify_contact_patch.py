@@ -12,16 +12,16 @@ RANKS = """
 import json, sys
 import dolfinx, numpy as np
 from mpi4py import MPI
-from calfsocket.meshes.blocks import Rings
+from calfsocket.meshes import rings
 from calfsocket.verification.contact_patch import shifted
 
 owner = json.loads(sys.argv[1])  # rank of the limb and of the socket, or null
 if owner is not None:
-    build = Rings.build
+    build = rings.build
     parts = {}
 
-    def remember(self):
-        mesh = build(self)
+    def remember(*parameters):
+        mesh = build(*parameters)
         parts["tags"] = mesh.cell_tags
         return mesh
 
@@ -31,7 +31,7 @@ if owner is not None:
             return dolfinx.cpp.graph.AdjacencyList_int32(ranks.astype(np.int32).reshape(-1, 1))
         return partition
 
-    Rings.build = remember
+    rings.build = remember
     dolfinx.mesh.create_cell_partitioner = by_body
 result = shifted(MPI.COMM_WORLD, h=4.0)
 if MPI.COMM_WORLD.rank == 0:

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.mechanics.problem import Model
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.simulation.case import Case, Settings
 from calfsocket.verification import limb_runs
@@ -30,17 +30,17 @@ from sections import section
 LAYERS = [("muscle", 14.0, 26.0), ("fat", 26.0, 30.0), ("skin", 30.0, 32.0)]
 
 
-def ring_balance(steps, overclosure=0.8, oval=0.0, fric_coeff=0.4):
+def ring_balance(steps, overclosure=0.8, oval=0.0, friction=0.4):
     """Energies of a ring pressed in equal steps; an `oval` socket is wider and lower by a share."""
     laws = MaterialSet.paper("separate").tissue_laws()
     mesh = ring_mesh(MPI.COMM_SELF, LAYERS, (32.0 - overclosure, 36.0), 4.0)
     nodes = np.unique(mesh.mesh.geometry.dofmap[mesh.cell_tags.find(mesh.regions["socket"])])
     mesh.mesh.geometry.x[nodes] *= (1.0 + oval, 1.0 - oval, 1.0)
     regions = {name: laws[name] for name in mesh.regions}
-    model = Model(mesh, regions, ContactParameters(fric_coeff))
+    model = limb_problem(mesh, regions, Contact(friction=friction))
     meter = EnergyMeter(model)
     size = 1.0 / steps
-    Stepper(model, StepControl(first=size, largest=size), on_step=meter.record).run()
+    LoadStepper(model, LoadSteps(first=size, largest=size), on_step=meter.record).run()
     return meter.balance()
 
 
@@ -56,7 +56,7 @@ def test_work_of_a_shrink_fit_is_stored_with_an_error_of_second_order():
 
 def test_energy_balances_with_slip():
     """An oval socket on little friction: the skin slips nearly everywhere, normals turn."""
-    coarse, fine = (ring_balance(steps, oval=0.05, fric_coeff=0.1) for steps in (4, 8))
+    coarse, fine = (ring_balance(steps, oval=0.05, friction=0.1) for steps in (4, 8))
     assert fine.friction[-1] > 0.01 * fine.work[-1]
     assert abs(fine.full_error) < 2e-4
     assert abs(fine.full_error) < 0.4 * abs(coarse.full_error)
@@ -80,7 +80,9 @@ def test_socket_stores_what_lames_ring_does():
 # -- mesh convergence -----------------------------------------------------------------------------
 
 
-def summaries(*values, outcome="effective_stress", tissue="skin", material="separate", x=(0, 0, 0)):
+def summaries(
+    *values, quantity="effective_stress", tissue="skin", material="separate", x=(0, 0, 0)
+):
     """One number at three mesh sizes."""
     return {
         size: pd.DataFrame(
@@ -88,7 +90,7 @@ def summaries(*values, outcome="effective_stress", tissue="skin", material="sepa
                 "socket": "TC",
                 "material_set": material,
                 "tissue": tissue,
-                "outcome": outcome,
+                "quantity": quantity,
                 "value": [value],
                 "unit": "kPa",
                 "x_mm": [float(at)],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.simulation.case import Case
 from calfsocket.verification.limb_friction import FREE, Fitting, fit
 
@@ -26,8 +26,7 @@ def test_shear_does_not_depend_on_the_load_step(closed):
 
 def test_springs_creep_and_do_not_slip(closed):
     soft, usual, stiff = (
-        fit(TSB, "stiffened", 0.1, contact=ContactParameters(gamma_t=ratio))
-        for ratio in (0.1, 0.5, 8.0)
+        fit(TSB, "stiffened", 0.1, contact=Contact(gamma_t=ratio)) for ratio in (0.1, 0.5, 8.0)
     )
     assert soft.shear_ratio < 0.6 * usual.shear_ratio < 0.6 * stiff.shear_ratio
     assert stiff.shear_ratio < closed.shear_ratio

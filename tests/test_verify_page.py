@@ -22,7 +22,7 @@ def subjects(monkeypatch):
             return Section(
                 f"Subject {name}",
                 "What it is.",
-                [Check("error", values[name] + extra, 2.0, "mm", "by hand")],
+                [Check("error", values[name] + extra, 2.0, "by hand", "mm")],
                 [Figure(f"{name}_figure", lambda axes: axes.plot([0, 1]), "A line.")],
                 [Table("Numbers.", frame, 3)],
                 {f"{name}.csv": frame},
@@ -94,7 +94,7 @@ def test_unknown_subject_names_the_known_ones(subjects):
     ],
 )
 def test_rules_of_a_check(rule, measured, passes):
-    assert Check("name", measured, 2.0, "", "by hand", rule).passes is passes
+    assert Check("name", measured, 2.0, "by hand", rule=rule).passes is passes
 
 
 def test_every_subject_has_a_report():

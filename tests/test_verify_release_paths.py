@@ -6,11 +6,11 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from calfsocket.contact.friction import OPEN
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
-from calfsocket.mechanics.problem import Model
-from calfsocket.mechanics.stepping import StepControl, Stepper
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.prescribed_motion import PrescribedMotion
+from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.friction import TurnedRing
@@ -19,10 +19,10 @@ from calfsocket.verification.release_paths import (
     CLEARANCE,
     DAMPING,
     GUIDE_STIFFNESS,
-    DampedModel,
-    ShrinkingModel,
     StiffeningContact,
+    path_problem,
 )
+from calfsocket.verification.sampling import skin_mean
 
 LIMB = (
     Ring("bone", "bone", 10.0, 14.0),
@@ -35,22 +35,17 @@ OVERCLOSURE = 0.2
 THICKNESS = 4.5
 
 
-class Springs(Model):
-    interface = StiffeningContact
-
-
-class TurnedSprings(DrivenModel):
-    interface = StiffeningContact
-
-
 def section(inner=LIMB[-1].outer - OVERCLOSURE, thickness=THICKNESS, h=2.0):
     layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
     return ring_mesh(MPI.COMM_SELF, layers, (inner, inner + thickness), h)
 
 
+def regions(mesh):
+    return {name: LAWS[name] for name in mesh.regions}
+
+
 def mean_pressure(model):
-    weight = model.contact.points.weight
-    return weight @ model.contact.state().traction.pressure / weight.sum()
+    return skin_mean(model.contact, model.contact.state().traction.pressure)
 
 
 def stepped(model, largest=0.25, to=1.0):
@@ -58,10 +53,10 @@ def stepped(model, largest=0.25, to=1.0):
     pressures = {}
 
     def read(step):
-        model.set_unknowns(stepper.solver.x)
+        model.set_unknowns(stepper.newton.x)
         pressures[step.load] = mean_pressure(model)
 
-    stepper = Stepper(model, StepControl(first=largest, largest=largest), on_step=read)
+    stepper = LoadStepper(model, LoadSteps(first=largest, largest=largest), on_step=read)
     stepper.run()
     return stepper, pressures
 
@@ -69,7 +64,7 @@ def stepped(model, largest=0.25, to=1.0):
 @pytest.fixture(scope="module")
 def stiffened():
     mesh = section()
-    return stepped(Springs(mesh, {name: LAWS[name] for name in mesh.regions}))
+    return stepped(limb_problem(mesh, regions(mesh), interface=StiffeningContact))
 
 
 def test_springs_carry_what_the_exact_ring_gives(stiffened):
@@ -94,37 +89,34 @@ def test_springs_carry_what_the_exact_ring_gives(stiffened):
 def test_springs_carry_their_shear_over():
     """Turned on soft springs; the shear stays as they stiffen, and the next turn is elastic."""
     ring = TurnedRing(h=4.0)
-    inner, outer, law = ring.socket
-    layers = [layer[:3] for layer in ring.layers]
-    mesh = ring_mesh(MPI.COMM_SELF, layers, (inner - ring.overclosure, outer), ring.h)
-    laws = {name: law for name, _, _, law in ring.layers} | {tags.SOCKET: law}
-    model = TurnedSprings(
-        mesh,
-        laws,
-        ContactParameters(gamma=1.0, gamma_t=0.3),
-        socket_support="outer-fixed",
+    model = limb_problem(
+        ring.mesh(MPI.COMM_SELF),
+        ring.laws,
+        Contact(gamma=1.0, gamma_t=0.3),
+        support="outer-fixed",
+        interface=StiffeningContact,
     )
-    drive, contact = Drive(model), model.contact
-    contact.load = 0.8
-    drive.solve()
+    motion = PrescribedMotion(model)
+    model.contact.load = 0.8  # of the springs alone: the outer face keeps its place
+    motion.solve()
     stiffness = 0.3 * 1e-2 * 16.0
     turn = 0.3 * 0.4 * mean_pressure(model) / (stiffness * ring.radius)
     springs = 1.0 / (2.0 * np.pi * ring.radius**3 * stiffness)
-    drive.step([tags.SOCKET], angle=turn)
+    motion.step([tags.SOCKET], angle=turn)
     torque = model.reaction(tags.SOCKET_OUTER)[1]
     assert torque == pytest.approx(turn / (ring.compliance + springs), rel=1e-3)
     for load in (0.85, 0.95, 1.0):  # below gamma, above it, and rigid
-        contact.accept()
-        contact.load = load
-        drive.solve()
+        model.accept()
+        model.contact.load = load
+        motion.solve()
         assert model.reaction(tags.SOCKET_OUTER)[1] == pytest.approx(torque, rel=1e-4)
-    drive.step([tags.SOCKET], angle=turn)
+    motion.step([tags.SOCKET], angle=turn)
     more = model.reaction(tags.SOCKET_OUTER)[1] - torque
     assert more == pytest.approx(turn / ring.compliance, rel=3e-3)
 
 
 def test_springs_forget_what_is_taken_back(stiffened):
-    contact = stiffened[0].model.contact
+    contact = stiffened[0].problem.contact
     contact.load = 0.9
     position = contact.deformed_points()
     before = contact.slip(contact.state().projection.arc)
@@ -136,7 +128,7 @@ def test_springs_forget_what_is_taken_back(stiffened):
 
 def shrinking():
     mesh = section()
-    return ShrinkingModel(mesh, {name: LAWS[name] for name in mesh.regions})
+    return path_problem("shrunk", mesh, regions(mesh))
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +138,7 @@ def shrunk():
 
 def test_shrinking_socket_has_the_pressure_of_one_made_at_its_size(shrunk):
     stepper, pressures = shrunk
-    swelling = stepper.model.contact.swelling
+    swelling = stepper.problem.contact.swelling
     touching = 0
     for load, pressure in pressures.items():
         size = 1.0 + swelling * (1.0 - load)
@@ -174,11 +166,11 @@ def test_swollen_socket_is_clear_of_the_limb_and_guided():
     x, f = model.create_vector(), model.create_vector()
     model.residual(x, f)
     assert f.norm() == 0.0
-    # Shifted by 0.01 mm it is pushed back by the bedding, until the load is full.
-    body = DrivenModel.body(model, [tags.SOCKET])
+    # Shifted by 0.01 mm it is pushed back by the foundation, until the load is full.
+    body = model.body([tags.SOCKET])
     x.array[body.dofs] = 0.01 * body.shift * [1.0, 0.0]
     for load in (0.0, 0.1):
-        contact.load = load
+        model.load = load
         size = 1.0 + contact.swelling * (1.0 - load)
         inner, outer = (size * (31.8 + t) for t in (0.0, THICKNESS))
         model.residual(x, f)
@@ -188,35 +180,35 @@ def test_swollen_socket_is_clear_of_the_limb_and_guided():
 
 def test_drag_holds_back_what_moved_in_the_step_and_is_gone_at_full_load():
     mesh = section(h=4.0)
-    model = DampedModel(mesh, {name: LAWS[name] for name in mesh.regions})
-    body = DrivenModel.body(model, [tags.SOCKET])
-    x, start, f, rested = (model.create_vector() for _ in range(4))
+    model = path_problem("stiffened", mesh, regions(mesh))
+    body = model.body([tags.SOCKET])
+    x, f, rested = (model.create_vector() for _ in range(3))
     x.array[body.dofs] = 0.01 * body.shift * [1.0, 0.0]
     inner = LIMB[-1].outer - OVERCLOSURE
     area = np.pi * ((inner + THICKNESS) ** 2 - inner**2)
     for load in (0.0, 0.6, 1.0):
-        model.contact.load = load
-        model.rest(start)
+        model.load = load
+        model.foundation.rest(0.0)
         model.residual(x, f)
-        model.rest(x)
+        model.foundation.rest(model.w.x.array)
         model.residual(x, rested)
         drag = (f - rested).array[body.dofs].sum(axis=0)
         expected = DAMPING * (1.0 - load) * 0.01 * area
         np.testing.assert_allclose(drag, [expected, 0.0], rtol=1e-4, atol=1e-12)
 
 
-@pytest.mark.parametrize("path", [ShrinkingModel, DampedModel])
+@pytest.mark.parametrize("path", ["shrunk", "stiffened"])
 def test_tangent_is_the_derivative_of_the_residual(path):
-    """In any direction under load; before it, where only the beddings resist, of the socket."""
+    """In any direction under load; before it, where only foundations resist, of the socket."""
     mesh = section(h=4.0)
-    model = path(mesh, {name: LAWS[name] for name in mesh.regions})
+    model = path_problem(path, mesh, regions(mesh))
     rng = np.random.default_rng(4)
-    body = DrivenModel.body(model, [tags.SOCKET])
+    body = model.body([tags.SOCKET])
     x, plus, minus, direction = (model.create_vector() for _ in range(4))
     A = model.create_matrix()
     direction.array[body.dofs] = body.shift * [1.0, 0.5]
     for load, h in ((0.0, 1e-3), (0.7, 1e-7)):
-        model.contact.load = load
+        model.load = load
         model.tangent(x, A)
         model.residual(x + h * direction, plus)
         model.residual(x - h * direction, minus)
@@ -225,4 +217,4 @@ def test_tangent_is_the_derivative_of_the_residual(path):
         x.array[:] = 1e-4 * rng.normal(size=x.getLocalSize())
         direction.array[:] = rng.normal(size=x.getLocalSize())
         for vector in (x, direction):
-            vector.array[model.held] = 0.0
+            vector.array[model.constrained] = 0.0

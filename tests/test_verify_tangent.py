@@ -52,7 +52,7 @@ def test_a_probe_leaves_out_what_crosses_a_kink(monkeypatch):
 
 def test_a_tangent_that_is_not_exact_shows():
     """One per cent off: the order is 1 and the difference is seen."""
-    model = ring(KINDS["open"])
+    model = ring(KINDS["open"]).problem
     exact = model.tangent
 
     def scaled(x, A):

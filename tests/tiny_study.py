@@ -27,11 +27,17 @@ from mpi4py import MPI
 from calfsocket import cli
 from calfsocket.commands import CASE_FAILED, OK
 from calfsocket.io import errors
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes import section, tags
-from calfsocket.meshes.data import Limb, Sockets
-from calfsocket.simulation import precompile as compilation
-from calfsocket.simulation.case import Case, Settings
-from calfsocket.study.study import Study, check_folder, run_study
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.placement import check_placement
+from calfsocket.meshes.socket import NormalOffset, Socket
+from calfsocket.simulation.record import StudySource
+from calfsocket.study import runner
+from calfsocket.study.cases import Case, Plan
+from calfsocket.study.document import Document
+from calfsocket.study.record import check_folder
+from calfsocket.study.runner import Runner
 
 # Semi-axes in mm.
 OVALS = {"outside": (12.5, 12.0), "inside": (11.0, 10.5), "bone": (5.0, 4.6), "hollow": (2.6, 2.4)}
@@ -67,44 +73,63 @@ def tiny_limb() -> Limb:
     )
 
 
-def tiny_sockets() -> Sockets:
-    """Three that press more and more, on one side."""
-    return Sockets.model_validate(
-        {
-            "units": "mm, deg",
-            "wall_thickness": 2.0,
-            "sockets": {
-                name: {
-                    "title": name,
-                    "law": "normal_offset",
-                    "base": base,
-                    "bumps": [{"center": 40, "width": 25, "amplitude": 0.15}],
-                }
-                for name, base in (("A", 0.1), ("B", 0.15), ("C", 0.2))
-            },
-        }
+def tiny_socket(name: str) -> Socket:
+    """One of three that press more and more, on one side."""
+    return NormalOffset(
+        name=name,
+        wall_thickness=2.0,
+        base={"A": 0.1, "B": 0.15, "C": 0.2}[name],
+        bumps=[{"center": 40, "width": 25, "amplitude": 0.15}],
     )
 
 
-def tiny_study(
-    out: Path,
-    sockets: tuple[str, ...] = ("A", "B"),
-    material_sets: tuple[str, ...] = ("combined",),
-    pictures: bool = False,
-) -> Study:
-    """Make the study."""
-    cases = tuple(Case(socket, name) for socket in sockets for name in material_sets)
-    return Study(cases, Settings(size="coarse"), tiny_limb(), tiny_sockets(), out, pictures)
-
-
+@dataclass(frozen=True)
 class TinyStudy:
-    """The study as a command: `cli` brings it into MPI and out of it again."""
+    """The study and where its results go."""
+
+    out: Path
+    plan: Plan
+    pictures: bool = False
+
+    def run(
+        self,
+        comm: MPI.Intracomm = MPI.COMM_SELF,
+        resume: bool = False,
+        ranks_per_case: int | None = None,
+    ) -> bool:
+        """Solve it; return whether all cases reached the full load."""
+        check_folder(self.out, self.plan, overwrite=False)
+        return Runner(comm, self.plan, self.out, ranks_per_case, self.pictures).run(resume)
+
+
+def tiny_study(
+    out: Path, sockets: tuple[str, ...] = ("A", "B"), pictures: bool = False
+) -> TinyStudy:
+    """Make the study."""
+    limb, document = tiny_limb(), Document.model_validate({"model": {"size": "coarse"}})
+    cases = tuple(
+        Case(
+            limb,
+            socket,
+            MaterialSet.paper("combined"),
+            document,
+            of=(socket.name, "combined"),
+            changes={},
+            placement=check_placement(socket, limb),
+        )
+        for socket in map(tiny_socket, sockets)
+    )
+    source = StudySource(file="tiny.toml", content={})
+    return TinyStudy(out, Plan(source, document, limb, cases), pictures)
+
+
+class TinyCommand:
+    """The study as a command: `cli` starts MPI with it and ends it."""
 
     @staticmethod
     def run(comm: MPI.Intracomm, arguments: argparse.Namespace) -> int:
         study = tiny_study(Path(arguments.out), **arguments.study)
-        check_folder(study, overwrite=False)
-        solved = run_study(comm, study, arguments.ranks_per_case, go_on=arguments.go_on)
+        solved = study.run(comm, arguments.resume, arguments.ranks_per_case)
         return OK if solved else CASE_FAILED
 
 
@@ -182,45 +207,45 @@ def share_out(owners: tuple[int, int]) -> None:
     dolfinx.mesh.create_cell_partitioner = by_body
 
 
-def after_warming(task: Callable[[], None]) -> None:
+def after_precompiling(task: Callable[[], None]) -> None:
     """Do something when the forms are compiled: rank 0 solves a ring for that."""
-    warm = compilation.warm
+    original = runner.precompile
 
-    def warm_and_then(*words: Any) -> None:
-        warm(*words)
+    def precompile_and_then(*words: Any) -> None:
+        original(*words)
         task()
 
-    compilation.warm = warm_and_then
+    runner.precompile = precompile_and_then
 
 
 def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
     """Run the tiny study in a folder, with a fault where there is one.
 
-    `how` may have ``ranks_per_case``, ``go_on``, ``fault``, ``owners`` (`share_out`), ``petsc``
+    `how` may have ``ranks_per_case``, ``resume``, ``fault``, ``owners`` (`share_out`), ``petsc``
     (options) and ``largest_file`` (bytes).
     """
     if "owners" in how:
         owners = how["owners"]
-        after_warming(lambda: share_out(owners))
+        after_precompiling(lambda: share_out(owners))
     if "largest_file" in how:  # after the forms, which are larger
         limit = how["largest_file"]
-        after_warming(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+        after_precompiling(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
     if "fault" in how:
         fault = Fault(**how["fault"])
-        if "compilation" in fault.where:
+        if "precompile" in fault.where:
             inject(fault)
         else:
-            after_warming(lambda: inject(fault))
+            after_precompiling(lambda: inject(fault))
     words = argparse.Namespace(
         out=out,
         study={
             name: value if name == "pictures" else tuple(value) for name, value in study.items()
         },
         ranks_per_case=how.get("ranks_per_case"),
-        go_on=how.get("go_on", False),
+        resume=how.get("resume", False),
     )
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    return cli._with_mpi(TinyStudy, words, list(how.get("petsc", ())))
+    return cli._with_mpi(TinyCommand, words, list(how.get("petsc", ())))
 
 
 if __name__ == "__main__":

@@ -8,16 +8,18 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.calibration.specimen import Specimen
-from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.io.errors import SolveError
+from calfsocket.contact.parameters import Contact
+from calfsocket.io.errors import ConvergenceError, SolveError
 from calfsocket.materials.laws import Law
-from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.prescribed_motion import PrescribedMotion
+from calfsocket.mechanics.stepping import LoadStep, LoadSteps
 from calfsocket.meshes import tags
 
 FloatArray = NDArray[np.float64]
 
-SMALLEST_SHARE = 1 / 32
-"""Part of a way between two points of the curve below which halving it is given up."""
+STEPS = LoadSteps(first=1.0, largest=1.0, smallest=1 / 32, cutback=0.5)
+"""Steps between two points of the curve: one, or by halves where Newton's method fails."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class _Variation:
     Attributes
     ----------
     laws : mapping of region name to law
-        As for `Model.set_laws`.
+        As for `Problem.set_laws`.
     arc : (n,), optional
         Its own `ContactInterface.converged_arc`; the common one before the first step.
     force : float
@@ -74,24 +76,21 @@ class Indentation:
         Tissues and plate.
     laws : mapping of tissue name to law
         "socket" is the plate's.
-    contact : ContactParameters
+    contact : Contact
         Friction and Nitsche stiffness.
 
     Attributes
     ----------
-    model : DrivenModel
+    problem : Problem
         In the state of the last point.
     """
 
-    def __init__(
-        self, specimen: Specimen, laws: Mapping[str, Law], contact: ContactParameters
-    ) -> None:
+    def __init__(self, specimen: Specimen, laws: Mapping[str, Law], contact: Contact) -> None:
         self.specimen = specimen
-        self.model = DrivenModel(
-            specimen.section, self._by_region(laws), contact, socket_support="outer-fixed"
+        self.problem = limb_problem(
+            specimen.section, self._by_region(laws), contact, support="outer-fixed"
         )
-        self.model.contact.load = 1.0  # there is no overclosure that could be released
-        self._drive = Drive(self.model)
+        self._motion = PrescribedMotion(self.problem, STEPS, on_step=self._on_step)
         self._cutbacks = 0
         self._force_now = 0.0
         self._variations: list[_Variation] = []
@@ -99,7 +98,7 @@ class Indentation:
 
     def set_laws(self, laws: Mapping[str, Law]) -> None:
         """Give tissues other parameters of the laws that they have."""
-        self.model.set_laws(self._by_region(laws))
+        self.problem.set_laws(self._by_region(laws))
 
     def curve(
         self,
@@ -134,21 +133,18 @@ class Indentation:
         force, varied, modes = [], [], []
         reached = 0.0
         for displacement in map(float, displacements):
-            way = displacement - reached
-            guess = self._states.get(displacement)
-            if guess is None or not self._try(way, guess):
-                self._press(way, smallest=SMALLEST_SHARE * way)
+            self._press(displacement - reached, self._states.get(displacement))
             reached = displacement
             force.append(self._force_now)
             varied.append([variation.force for variation in self._variations])
-            modes.append(self._drive.solver.negative_modes() if count_modes else -1)
-            self._states[displacement] = self._drive.solver.x.copy()
+            modes.append(self._motion.stepper.newton.negative_modes() if count_modes else -1)
+            self._states[displacement] = self._motion.x.copy()
         return Curve(
             displacements,
             np.array(force),
             np.array(varied).T,
             np.array(modes),
-            newton_iterations=sum(result.iterations for result in self._drive.results),
+            newton_iterations=self._motion.iterations,
             cutbacks=self._cutbacks,
         )
 
@@ -156,64 +152,61 @@ class Indentation:
         return {region: laws[tissue] for region, tissue in self.specimen.tissues.items()}
 
     def _release(self) -> None:
-        self._drive.solver.x.set(0.0)
-        self._drive.results.clear()
+        self._motion.x.set(0.0)
+        self._motion.stepper.steps.clear()
         self._cutbacks = 0
 
-    def _press(self, way: float, smallest: float) -> None:
-        """Move the plate on; where Newton's method fails, by half of the way twice."""
-        if self._try(way):
-            return
-        self._cutbacks += 1
-        if 0.5 * way < smallest:
-            raise SolveError(
-                f"{self.specimen.name}: no equilibrium within {way:.3g} mm of the plate's way"
-            )
-        for _ in range(2):
-            self._press(0.5 * way, smallest)
-
-    def _try(self, way: float, guess: PETSc.Vec | None = None) -> bool:
-        """Move the plate on and tell whether there is an equilibrium; if not, all is as before."""
-        drive, model = self._drive, self.model
-        x = drive.solver.x
-        before = x.copy()
-        model.set_unknowns(x)
-        model.contact.accept()
+    def _press(self, way: float, start: PETSc.Vec | None) -> None:
+        """Move the plate on, where there is a start from it, or else from the present state."""
         dx, dy = self.specimen.direction
-        drive.move([tags.SOCKET], shift=(way * dx, way * dy))
-        if guess is not None:
-            guess.copy(x)
+        move = [tags.SOCKET], 0.0, (way * dx, way * dy)
+        if start is not None:
+            try:
+                self._motion.step(*move, start)
+            except ConvergenceError:
+                pass
+            else:
+                return
+        stepper = self._motion.stepper
+        before = len(stepper.steps)
         try:
-            drive.solve()
-        except SolveError:
-            before.copy(x)
-            return False
-        self._force_now = self._force()
-        self._vary()
-        return True
+            self._motion.step(*move)
+        except ConvergenceError:
+            taken = stepper.steps[before:]
+            reached = max((step.load for step in taken if step.newton.converged), default=0.0)
+            tried = (taken[-1].load - reached) * way
+            raise SolveError(
+                f"{self.specimen.name}: no equilibrium within {tried:.3g} mm of the plate's way"
+            ) from None
+        self._cutbacks += sum(not step.newton.converged for step in stepper.steps[before:])
+
+    def _on_step(self, step: LoadStep) -> None:
+        if step.newton.converged:
+            self._force_now = self._force()
+            self._vary()
 
     def _vary(self) -> None:
         """Take the variations to the present displacement."""
         if not self._variations:
             return
-        solver, model = self._drive.solver, self.model
-        laws, arc = model.region_laws, model.contact.converged_arc
-        solver.factorise()
-        residual = solver.x.duplicate()
+        newton, problem = self._motion.stepper.newton, self.problem
+        laws, arc = problem.region_laws, problem.slip_history
+        newton.factorise()
+        residual = newton.x.duplicate()
         for variation in self._variations:
-            model.set_laws(variation.laws)
+            problem.set_laws(variation.laws)
             if variation.arc is not None:
-                model.contact.converged_arc = variation.arc
-            model.residual(solver.x, residual)
-            varied = solver.x - solver.correction(residual)
-            model.residual(varied, residual)
+                problem.slip_history = variation.arc
+            problem.residual(newton.x, residual)
+            varied = newton.x - newton.correction(residual)
+            problem.residual(varied, residual)
             variation.force = self._force()
-            variation.arc = model.contact.settled_arc()
-            model.contact.converged_arc = arc
-        model.set_laws(laws)
-        model.set_unknowns(solver.x)
+            variation.arc = problem.contact.settled_arc()
+            problem.slip_history = arc
+        problem.set_laws(laws)
+        problem.set_unknowns(newton.x)
 
     def _force(self) -> float:
         """Force of the plate at the last residual, N/mm."""
-        reaction, _ = self.model.reaction(tags.SOCKET_OUTER)
+        reaction, _ = self.problem.reaction(tags.SOCKET_OUTER)
         return float(reaction @ self.specimen.direction)

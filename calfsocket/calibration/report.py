@@ -1,39 +1,35 @@
-"""What a calibration leaves: curves.csv, calibration.json, a material file, and tables to read."""
+"""A calibration written to its folder, and as tables for people."""
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from rich.console import Console
 from rich.table import Table
 
-from calfsocket.calibration.fit import NU, Fit
+from calfsocket.calibration.fit import NU, Fit, FloatArray
+from calfsocket.calibration.names import FITTED, IGNORED, LABELS, TABLE1
+from calfsocket.calibration.record import (
+    CalibrationRecord,
+    CombinedLaw,
+    CurveChecks,
+    FittedLaw,
+    Inputs,
+    Start,
+    write_curves,
+)
 from calfsocket.calibration.run import Calibration, Settings, separate_laws
 from calfsocket.calibration.specimen import LIMB_PLATE
-from calfsocket.io.files import replacing, write_json
-from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.io.versions import versions
 from calfsocket.materials.file import write_material
+from calfsocket.materials.laws import Ogden
 from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA
-from calfsocket.report.calibration import (
-    CURVES_FILE,
-    FITTED,
-    IGNORED,
-    LABELS,
-    RESULT_FILE,
-    SEPARATE,
-    TABLE1,
-)
 
 MATERIAL_FILE = "combined.toml"
 
 
 def write(calibration: Calibration, settings: Settings, folder: Path) -> None:
-    """Write the tables, the result and the fitted material."""
-    write_json(folder / RESULT_FILE, content(calibration, settings))
-    with replacing(folder / CURVES_FILE) as temporary:
-        curves(calibration).to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
+    """Write the curves, the record and the fitted material."""
+    record(calibration, settings).write(folder)
+    write_curves(folder, calibration.displacement, calibration.force_per_metre)
     fit = calibration.fits[0]
     write_material(
         folder / MATERIAL_FILE,
@@ -49,112 +45,102 @@ def write(calibration: Calibration, settings: Settings, folder: Path) -> None:
     )
 
 
-def curves(calibration: Calibration) -> pd.DataFrame:
-    """Displacement (mm) and forces (N per metre of limb) of all curves."""
-    table = pd.DataFrame({"displacement_mm": calibration.curves[SEPARATE].displacement})
-    for name, curve in calibration.curves.items():
-        table[f"{name}_N_per_m"] = curve.force / KPA  # N/mm in N/m, as MPa in kPa
-    return table
-
-
-def content(calibration: Calibration, settings: Settings) -> dict[str, Any]:
-    """Versions, inputs, fits, ordering and how the curves were solved."""
+def record(calibration: Calibration, settings: Settings) -> CalibrationRecord:
+    """Return inputs, fits, ordering and how the curves were solved."""
     specimen = calibration.specimen
     on_compound = settings.specimen == "compound"
     geometry = settings.compound if on_compound else settings.limb
-    plate = settings.compound.plate if on_compound else LIMB_PLATE
     separate = separate_laws(settings)
-    return {
-        "program": "calfsocket calibrate",
-        "versions": versions(),
-        "inputs": {
-            "specimen": settings.specimen,
-            "geometry": geometry.model_dump(mode="json"),
-            "plate": plate.model_dump(mode="json"),
-            "size": settings.size,
-            "cells": specimen.section.mesh.topology.index_map(2).size_global,
-            "stroke_mm": specimen.stroke,
-            "points": settings.points,
-            "contact": asdict(settings.contact),
-            "free_d": settings.free_d,
-            "nu": None if settings.free_d else NU,
-            "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
-        },
-        "fits": [_fit(fit) for fit in calibration.fits],
-        "table1": {
-            "mu_kPa": MUSCLE_AND_FASCIA.mu[0] / KPA,
-            "alpha": MUSCLE_AND_FASCIA.alpha[0],
-            "d1_per_MPa": MUSCLE_AND_FASCIA.d1,
-        },
-        "deviation_from_separate": {
+    return CalibrationRecord(
+        inputs=Inputs(
+            specimen=settings.specimen,
+            geometry=geometry.model_dump(mode="json"),
+            plate=settings.compound.plate if on_compound else LIMB_PLATE,
+            size=settings.size,
+            cells=specimen.section.mesh.topology.index_map(2).size_global,
+            stroke_mm=specimen.stroke,
+            points=settings.points,
+            contact=settings.contact.model_dump(),
+            free_d=settings.free_d,
+            nu=None if settings.free_d else NU,
+            laws={tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
+        ),
+        fits=tuple(map(_fitted, calibration.fits)),
+        table1=CombinedLaw(**_parameters(MUSCLE_AND_FASCIA)),
+        deviation_from_separate={
             name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
         },
-        "ordering": calibration.ordering(),
-        "curves": {
-            name: {
-                "negative_modes": curve.negative_modes.tolist(),
-                "newton_iterations": curve.newton_iterations,
-                "cutbacks": curve.cutbacks,
-            }
+        ordering=calibration.ordering(),
+        curves={
+            name: CurveChecks(
+                negative_modes=tuple(map(int, curve.negative_modes)),
+                newton_iterations=curve.newton_iterations,
+                cutbacks=curve.cutbacks,
+            )
             for name, curve in calibration.curves.items()
         },
-    }
+    )
 
 
-def _fit(fit: Fit) -> dict[str, Any]:
-    return {
-        "start": {"mu_kPa": fit.start.mu[0] / KPA, "alpha": fit.start.alpha[0]},
-        "mu_kPa": fit.law.mu[0] / KPA,
-        "alpha": fit.law.alpha[0],
-        "d1_per_MPa": fit.law.d1,
-        "alpha_at_limit": fit.alpha_at_limit,
-        "rms_share_of_largest_force": fit.rms,
-        "parameters": list(fit.names),
-        "relative_covariance": fit.relative_covariance.tolist(),
-        "correlation": fit.correlation.tolist(),
-        "curves_solved": fit.curves,
-    }
+def _parameters(law: Ogden) -> dict[str, float]:
+    return {"mu_kPa": law.mu[0] / KPA, "alpha": law.alpha[0], "d1_per_MPa": law.d1}
+
+
+def _rows(matrix: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
+def _fitted(fit: Fit) -> FittedLaw:
+    return FittedLaw(
+        **_parameters(fit.law),
+        start=Start(mu_kPa=fit.start.mu[0] / KPA, alpha=fit.start.alpha[0]),
+        alpha_at_limit=fit.alpha_at_limit,
+        rms_share_of_largest_force=fit.rms,
+        parameters=fit.names,
+        relative_covariance=_rows(fit.relative_covariance),
+        correlation=_rows(fit.correlation),
+        curves_solved=fit.curves,
+    )
 
 
 def show(calibration: Calibration, console: Console) -> None:
     """Print the curves, the fits and the ordering."""
-    forces = Table(title="Force of the plate, N per metre of limb")
-    forces.add_column("u, mm", justify="right")
-    for name in LABELS:
-        forces.add_column(LABELS[name], justify="right")
-    table = curves(calibration)
-    for row in table.to_dict("records"):
-        shown = [f"{row[f'{name}_N_per_m']:.1f}" for name in LABELS]
-        forces.add_row(f"{row['displacement_mm']:.3g}", *shown)
-    off = ["", *(f"{100 * calibration.deviation(name):.1f} %" for name in list(LABELS)[1:])]
-    forces.add_section()
-    forces.add_row("rms off", *off)
-    console.print(forces)
+    forces = pd.DataFrame(calibration.force_per_metre)[list(LABELS)].map("{:.1f}".format)
+    forces.insert(0, "u, mm", [f"{u:.3g}" for u in calibration.displacement])
+    off = [f"{100 * calibration.deviation(name):.1f} %" for name in list(LABELS)[1:]]
+    forces.loc[len(forces)] = ["rms off", "", *off]
+    _print(console, "Force of the plate, N per metre of limb", forces.rename(columns=LABELS))
 
-    found = Table(title="Combined material of muscle and fascia")
-    for column in ("start mu, kPa; alpha", "mu, kPa", "alpha", "D1, 1/MPa", "rms off"):
-        found.add_column(column, justify="right")
+    rows = []
     for fit in calibration.fits:
-        shown = [f"{fit.law.mu[0] / KPA:.4g}", f"{fit.law.alpha[0]:.4g}", f"{fit.law.d1:.4g}"]
+        parameters = [f"{value:.4g}" for value in _parameters(fit.law).values()]
         for i, share in enumerate(fit.relative_deviation):
-            shown[i] += f" ± {100 * float(share):.2g} %" if share < 1 else " (not determined)"
+            parameters[i] += f" ± {100 * float(share):.2g} %" if share < 1 else " (not determined)"
         start = f"{fit.start.mu[0] / KPA:g}; {fit.start.alpha[0]:g}"
-        found.add_row(start, *shown, f"{100 * fit.rms:.2f} %")
-    paper = MUSCLE_AND_FASCIA
-    found.add_row(
-        "the paper's Table 1",
-        f"{paper.mu[0] / KPA:g}",
-        f"{paper.alpha[0]:g}",
-        f"{paper.d1:.3g}",
-        f"{100 * calibration.deviation(TABLE1):.2f} %",
-    )
-    console.print(found)
+        rows.append([start, *parameters, f"{100 * fit.rms:.2f} %"])
+    paper = [f"{value:.3g}" for value in _parameters(MUSCLE_AND_FASCIA).values()]
+    rows.append(["the paper's Table 1", *paper, f"{100 * calibration.deviation(TABLE1):.2f} %"])
+    columns = ["start mu, kPa; alpha", "mu, kPa", "alpha", "D1, 1/MPa", "rms off"]
+    laws = pd.DataFrame(rows, columns=columns)
+    _print(console, "Combined material of muscle and fascia", laws)
     for line in remarks(calibration):
         console.print(line)
 
 
+def _print(console: Console, title: str, frame: pd.DataFrame) -> None:
+    """Print a table whose last row is set apart."""
+    table = Table(title=title)
+    for column in frame:
+        table.add_column(str(column), justify="right")
+    for row in frame.to_numpy()[:-1]:
+        table.add_row(*row)
+    table.add_section()
+    table.add_row(*frame.to_numpy()[-1])
+    console.print(table)
+
+
 def remarks(calibration: Calibration) -> list[str]:
-    """Say what the fit is worth, and which of the paper's observations hold."""
+    """Return remarks on what the fit is worth, and which of the paper's observations hold."""
     best = calibration.fits[0]
     lines = [
         f"correlation of mu and alpha {best.correlation[0, 1]:.3f}; ± is from the misfit of two "

@@ -10,23 +10,27 @@ from numpy.typing import NDArray
 
 from calfsocket.calibration.fit import Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
+from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
+from calfsocket.calibration.record import deviation
 from calfsocket.calibration.specimen import Specimen, compound_specimen, limb_specimen
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law, Ogden
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.materials.tissues import FasciaC10
+from calfsocket.materials.tissues import KPA, FasciaC10
 from calfsocket.meshes.compound import Compound
-from calfsocket.meshes.data import Limb
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import named_size
 from calfsocket.postprocess.extract import section_fields
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.report.calibration import FITTED, IGNORED, SEPARATE, TABLE1
 
 SpecimenName = Literal["compound", "limb"]
 
 STARTS = (ogden(5e-3, 5.0), ogden(30e-3, 25.0))
 """Where searches begin, on either side of any combined material of muscle and fascia."""
+
+NAMES = {SEPARATE: "Separate", FITTED: "Combined (fitted)", TABLE1: "Combined (Table 1)"}
+"""Curves as statements name them."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Settings:
         "printed" or "tables" (`tissues.FASCIA_C10`).
     materials : mapping of tissue name to law
         Laws of the Separate set in the place of Table 1's.
-    contact : ContactParameters
+    contact : Contact
         Friction and Nitsche stiffness.
     stroke : float, optional
         Way of the plate, mm; the specimen's own otherwise.
@@ -63,7 +67,7 @@ class Settings:
     size: str = "coarse"
     fascia_c10: FasciaC10 = "printed"
     materials: Mapping[str, Law] | None = None
-    contact: ContactParameters = field(default_factory=ContactParameters)
+    contact: Contact = field(default_factory=Contact)
     stroke: float | None = None
     points: int = 8
     starts: tuple[Ogden, ...] = STARTS
@@ -101,31 +105,36 @@ class Calibration:
         """The fitted combined law."""
         return self.fits[0].law
 
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """Way of the plate at the points of all curves, mm, (n,)."""
+        return self.curves[SEPARATE].displacement
+
+    @property
+    def force_per_metre(self) -> dict[str, NDArray[np.float64]]:
+        """Force of each curve, N per metre of limb, (n,)."""
+        return {name: np.asarray(curve.force / KPA) for name, curve in self.curves.items()}
+
     def deviation(self, name: str) -> float:
         """Root mean square difference of a curve to Separate's, as a share of its largest force."""
-        reference = self.curves[SEPARATE].force
-        difference = (self.curves[name].force - reference) / np.abs(reference).max()
-        return float(np.sqrt(np.mean(difference**2)))
+        return deviation(self.force_per_metre, name)
 
     def ordering(self) -> dict[str, bool]:
-        """Tell which of the paper's observations (section 4) hold here."""
-        force: dict[str, NDArray[np.float64]] = {n: c.force for n, c in self.curves.items()}
-        ignored = force[IGNORED]
-        return {
-            "ignoring fascia is softer than Separate": bool(np.all(ignored < force[SEPARATE])),
-            "ignoring fascia is softer than Combined (fitted)": bool(
-                np.all(ignored < force[FITTED])
-            ),
-            "ignoring fascia is softer than Combined (Table 1)": bool(
-                np.all(ignored < force[TABLE1])
-            ),
-            "ignoring fascia is further from Separate than Combined (fitted)": (
-                self.deviation(IGNORED) > self.deviation(FITTED)
-            ),
-            "ignoring fascia is further from Separate than Combined (Table 1)": (
-                self.deviation(IGNORED) > self.deviation(TABLE1)
-            ),
+        """Return which of the paper's observations (section 4) hold here."""
+        ignored = self.curves[IGNORED].force
+        softer = {
+            f"ignoring fascia is softer than {NAMES[name]}": bool(
+                np.all(ignored < self.curves[name].force)
+            )
+            for name in (SEPARATE, FITTED, TABLE1)
         }
+        further = {
+            f"ignoring fascia is further from Separate than {NAMES[name]}": (
+                self.deviation(IGNORED) > self.deviation(name)
+            )
+            for name in (FITTED, TABLE1)
+        }
+        return softer | further
 
 
 def separate_laws(settings: Settings) -> dict[str, Law]:
@@ -135,7 +144,7 @@ def separate_laws(settings: Settings) -> dict[str, Law]:
 
 
 def calibrate(
-    comm: MPI.Comm, settings: Settings, tell: Callable[[str], None] = lambda text: None
+    comm: MPI.Comm, settings: Settings, on_line: Callable[[str], None] = lambda text: None
 ) -> Calibration:
     """Solve all curves and fit the combined law (collective).
 
@@ -145,7 +154,7 @@ def calibrate(
         Ranks that solve together.
     settings : Settings
         What to solve.
-    tell : callable
+    on_line : callable
         Called with a line for each curve.
     """
     specimen = _specimen(comm, settings)
@@ -156,11 +165,11 @@ def calibrate(
     def press(name: str, laws: Mapping[str, Law]) -> Indentation:
         test = Indentation(specimen, laws, settings.contact)
         curves[name] = test.curve(displacements, count_modes=True)
-        tell(f"{name}: {curves[name].force[-1]:.4g} N/mm at {specimen.stroke:g} mm")
+        on_line(f"{name}: {curves[name].force[-1]:.4g} N/mm at {specimen.stroke:g} mm")
         return test
 
     reference = press(SEPARATE, separate)
-    fields = section_fields(reference.model, specimen.tissues)
+    fields = section_fields(reference.problem, specimen.tissues)
     press(IGNORED, separate | {"fascia": separate["muscle"]})
 
     def combined(law: Law) -> dict[str, Law]:
@@ -174,7 +183,7 @@ def calibrate(
         return test.curve(displacements, variations=[combined(near) for near in neighbours])
 
     def on_curve(law: Ogden, rms: float) -> None:
-        tell(f"mu {1e3 * law.mu[0]:.4g} kPa, alpha {law.alpha[0]:.4g}: {100 * rms:.3g} % off")
+        on_line(f"mu {1e3 * law.mu[0]:.4g} kPa, alpha {law.alpha[0]:.4g}: {100 * rms:.3g} % off")
 
     fits = sorted(
         (

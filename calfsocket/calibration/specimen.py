@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 from calfsocket.meshes.compound import Compound, compound_mesh
-from calfsocket.meshes.data import Limb
 from calfsocket.meshes.distributed import SectionMesh
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.plate import Plate
 from calfsocket.meshes.section import plated_limb_mesh
 from calfsocket.meshes.sizing import MeshSize

@@ -76,29 +76,37 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
     from calfsocket.calibration import report
     from calfsocket.calibration.run import STARTS, Settings, calibrate
+    from calfsocket.contact.parameters import Contact
+    from calfsocket.materials.file import read_material
     from calfsocket.meshes.compound import load_compound
-    from calfsocket.meshes.data import load_limb
-    from calfsocket.simulation import precompile as compilation
+    from calfsocket.meshes.limb import Limb
+    from calfsocket.simulation.precompile import precompile
 
     settings = Settings(
         compound=load_compound(arguments.compound),
-        limb=load_limb(),
+        limb=Limb.reference(),
         specimen=arguments.specimen,
         stroke=arguments.stroke,
         points=arguments.points,
         starts=tuple(_start(word) for word in arguments.start) or STARTS,
         free_d=arguments.free_d,
-        **options.model_settings(arguments, ["separate"]),
+        size=options.checked_size(arguments.size),
+        fascia_c10=arguments.fascia_c10,
+        materials={
+            tissue: read_material(path)
+            for tissue, path in options.material_files(arguments.material, ["separate"]).items()
+        },
+        contact=Contact(friction=arguments.friction),
     )
     on_first_rank(comm, lambda: _make_folder(arguments.out))
-    compilation.warm(comm)
+    precompile(comm)
     console = Console(stderr=True, quiet=comm.rank > 0)
-    calibration = calibrate(comm, settings, tell=lambda text: console.print(text, style="dim"))
+    calibration = calibrate(comm, settings, on_line=lambda text: console.print(text, style="dim"))
     if comm.rank == 0:
-        from calfsocket.calibration import figure
+        from calfsocket.paper import figure3
 
         report.write(calibration, settings, arguments.out)
-        figure.draw(calibration, arguments.out)
+        figure3.draw(calibration, arguments.out)
         report.show(calibration, Console())
     return OK
 

@@ -10,7 +10,7 @@ from calfsocket.parallel.first_rank import on_first_rank
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from calfsocket.study.plan import Plan
+    from calfsocket.study.cases import Plan
 
 HELP = "verify a study file in seconds, without solving"
 DESCRIPTION = """\
@@ -27,11 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Verify it, and list the cases."""
-    from calfsocket.study.reading import read_study
+    from calfsocket.study.study import Study
 
-    on_first_rank(
-        comm, lambda: print(listing(arguments.file, read_study(arguments.file).plan()), end="")
-    )
+    file = arguments.file
+    on_first_rank(comm, lambda: print(listing(file, Study.read(file).plan), end=""))
     return OK
 
 
@@ -39,10 +38,11 @@ def listing(path: Path, plan: "Plan") -> str:
     """List the cases, and how their sockets sit on the limb."""
     n = len(plan.cases)
     width = max(len(case.name) for case in plan.cases)
-    lines = [f"{path}: {n} case{'s' if n > 1 else ''}, mesh {plan.settings.size}"]
+    size = plan.document.model.size
+    lines = [f"{path}: {n} case{'s' if n > 1 else ''}, mesh {size}"]
     lines.append(f"  {'case':{width}}  area lost  touching  deepest overlap  where")
     for case in plan.cases:
-        on = plan.placements[case.socket]
+        on = case.placement
         lines.append(
             f"  {case.name:{width}}  {100 * on.area_reduction:7.2f} %  {100 * on.touching:6.0f} %  "
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"

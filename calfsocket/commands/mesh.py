@@ -24,11 +24,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Write the mesh and print the table."""
+    from calfsocket.meshes.limb import Limb
     from calfsocket.meshes.quality import format_table
     from calfsocket.meshes.section import write_section
+    from calfsocket.meshes.sizing import mesh_size
+    from calfsocket.meshes.socket import Socket
 
     def write() -> None:
-        print(format_table(write_section(arguments.out, arguments.socket, arguments.size)))
+        socket, size = Socket.reference(arguments.socket), mesh_size(arguments.size)
+        print(format_table(write_section(arguments.out, Limb.reference(), socket, size)))
 
     on_first_rank(comm, write)
     return OK

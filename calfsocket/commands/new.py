@@ -42,7 +42,7 @@ def write(path: Path) -> None:
     InputError
         When it cannot be written.
     """
-    from calfsocket.study.reading import example
+    from calfsocket.study.study import example
 
     if path.suffix != ".toml":
         raise InputError(f"new: {path}; give a name that ends in .toml")
@@ -50,7 +50,7 @@ def write(path: Path) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(example())
     except FileExistsError:
-        raise InputError(f"new: {path} is there already; name another file") from None
+        raise InputError(f"new: {path} exists; name another file") from None
     except OSError as error:
         raise InputError(f"new: {path}: {error.strerror}; name another file") from None
     print(path)

@@ -3,15 +3,16 @@
 import argparse
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
-    from calfsocket.materials.law import Law
     from calfsocket.materials.material_set import BaseSet
+
+Name = TypeVar("Name", bound=str)
 
 
 class Options(Protocol):
@@ -73,54 +74,71 @@ def friction_coefficient(word: str) -> float:
     raise argparse.ArgumentTypeError(f"{word}; give a number of 0 or more")
 
 
-def model_settings(arguments: argparse.Namespace, sets: Sequence["BaseSet"]) -> dict[str, Any]:
-    """Return what these options say, as the settings of a study and of a calibration have it.
+def checked_size(word: str) -> str:
+    """Return a mesh size that exists.
 
     Raises
     ------
     InputError
-        For an unknown mesh size, or a material file that cannot be used in these material sets.
+        If there is none of this name.
     """
-    from calfsocket.contact.nitsche import ContactParameters
     from calfsocket.meshes.sizing import mesh_size
 
-    return {
-        "size": mesh_size(arguments.size).name,
-        "fascia_c10": arguments.fascia_c10,
-        "materials": read_materials(arguments.material, sets),
-        "contact": ContactParameters(fric_coeff=arguments.friction),
-    }
+    try:
+        return mesh_size(word).name
+    except InputError as error:
+        raise InputError(f"--size: {error}") from None
 
 
-def read_materials(words: Sequence[str], sets: Sequence["BaseSet"]) -> dict[str, "Law"]:
-    """Read the material files that take the place of Table 1's laws.
+def material_files(words: Sequence[str], sets: Iterable["BaseSet"]) -> dict[str, Path]:
+    """Return the material files that replace laws of Table 1, by the name of the tissue.
 
     Parameters
     ----------
-    words
-        ``TISSUE=FILE.toml`` each, where the tissue "combined" is muscle and fascia of that set.
-    sets
+    words : sequence of str
+        ``TISSUE=FILE.toml`` each; the tissue "combined" is muscle and fascia of that set.
+    sets : iterable of str
         Material sets that are solved.
 
     Raises
     ------
     InputError
-        For a word of another kind, a tissue that is repeated or in none of the sets, or a bad file.
+        If a word is none of these, or names a tissue that is in none of the sets, or was named
+        before.
     """
-    from calfsocket.materials.file import read_material
     from calfsocket.materials.material_set import MaterialSet
 
-    used = dict.fromkeys(tissue for name in sets for tissue in MaterialSet.paper(name).laws)
-    laws: dict[str, Law] = {}
+    used = dict.fromkeys(name for each in sets for name in MaterialSet.paper(each).laws)
+    files: dict[str, Path] = {}
     for word in words:
         tissue, equals, file = word.partition("=")
         if not (equals and file):
-            raise InputError(f"--material {word}: write TISSUE=FILE.toml")
+            raise InputError(f"--material: is '{word}'; write TISSUE=FILE.toml")
         if tissue not in used:
             raise InputError(
-                f"--material {word}: no case has a tissue {tissue!r}; use one of {', '.join(used)}"
+                f"--material {word}: no case has a tissue '{tissue}'; use one of {', '.join(used)}"
             )
-        if tissue in laws:
-            raise InputError(f"--material {word}: {tissue} is named twice; name it once")
-        laws[tissue] = read_material(Path(file))
-    return laws
+        if tissue in files:
+            raise InputError(f"--material {word}: '{tissue}' is given twice; give it once")
+        files[tissue] = Path(file)
+    return files
+
+
+def select(names: Sequence[str], allowed: Sequence[Name], option: str) -> list[Name]:
+    """Return the chosen names in the order of the allowed ones, whatever their case.
+
+    Raises
+    ------
+    InputError
+        For a name that is not allowed or is given twice, or if there is none.
+    """
+    by_lower = {name.lower(): name for name in allowed}
+    chosen: list[Name] = []
+    for name in names:
+        key = name.strip().lower()
+        if key not in by_lower:
+            raise InputError(f"{option}: '{name}' is not one of {', '.join(allowed)}")
+        if by_lower[key] in chosen:
+            raise InputError(f"{option}: '{name}' is given twice; give each once")
+        chosen.append(by_lower[key])
+    return [name for name in allowed if name in chosen]

@@ -23,13 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Draw, and print where."""
-    from calfsocket.plotting import case as picture
-    from calfsocket.postprocess.vtu import FIELDS_FILE
+    from calfsocket.simulation.result import RESULT_FILE, Result
 
-    if not (arguments.folder / FIELDS_FILE).is_file():
+    folder = arguments.folder
+    if not (folder / RESULT_FILE).is_file():
         raise InputError(
-            f"picture: {arguments.folder} holds no {FIELDS_FILE}; "
+            f"picture: {folder} holds no {RESULT_FILE}; "
             "name the folder of a solved case, e.g. results/TC_separate"
         )
-    on_first_rank(comm, lambda: print(picture.draw(arguments.folder)))
+    on_first_rank(comm, lambda: print(Result.load(folder).draw(folder)))
     return OK

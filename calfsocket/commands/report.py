@@ -10,6 +10,8 @@ from calfsocket.parallel.first_rank import on_first_rank
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from calfsocket.report.damage import DamageThresholds
+
 HELP = "tables, figures and page of a solved study"
 DESCRIPTION = """\
 Write tables, figures, the scoreboard and report.html of a study, from its files alone; a study that
@@ -21,7 +23,7 @@ EPILOG = ""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="e.g. results")
-    limits = parser.add_argument_group("damage thresholds, % (default: the paper's)")
+    limits = parser.add_argument_group("damage thresholds, % (default: those of the literature)")
     limits.add_argument(
         "--muscle-shear", type=float, default=50.0, metavar="PCT", help="default: %(default)g"
     )
@@ -32,9 +34,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Write the report and print where."""
-    from calfsocket.report.damage import Thresholds
-    from calfsocket.report.writing import write_report
+    from calfsocket.report.damage import DamageThresholds
 
-    thresholds = Thresholds(arguments.muscle_shear, arguments.fascia_strain)
-    on_first_rank(comm, lambda: print(write_report(arguments.folder, thresholds)))
+    thresholds = DamageThresholds(arguments.muscle_shear, arguments.fascia_strain)
+    on_first_rank(comm, lambda: print(write(arguments.folder, thresholds)))
     return OK
+
+
+def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
+    """Write the report of a folder of results, with what the paper adds; return its page."""
+    from calfsocket.paper.guest import guest
+    from calfsocket.report.write import write_report
+    from calfsocket.simulation.results import load_results
+
+    return write_report(load_results(folder), [guest], thresholds)

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Print it."""
-    from calfsocket.study.schema import schema_text
+    from calfsocket.study.document import schema_text
 
     if comm.rank == 0:
         print(schema_text(), end="")

@@ -34,12 +34,12 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
 
 def _draw(file: Path, out: Path | None) -> None:
     from calfsocket.study.preview import draw
-    from calfsocket.study.reading import read_study
+    from calfsocket.study.study import Study
 
     path = out or Path(file.with_suffix(".png").name)
     if path.suffix != ".png":
-        raise InputError(f"--out {path}: pictures are written as PNG; let the name end in .png")
-    plan = read_study(file).plan()
+        raise InputError(f"--out {path}: is not a PNG; give a name that ends in .png")
+    plan = Study.read(file).plan
     try:
         draw(plan, path)
     except OSError as error:

@@ -1,17 +1,13 @@
-"""What the commands that solve a study have in common."""
+"""Options and work that the commands which solve a study have in common."""
 
 import argparse
 import logging
-from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands import CASE_FAILED, OK
+from calfsocket.commands import CASE_FAILED, OK, report
 from calfsocket.commands.options import Options
 from calfsocket.io.errors import InputError
-from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -22,32 +18,26 @@ if TYPE_CHECKING:
 log = logging.getLogger("calfsocket")
 
 
-def add_running(parser: Options, out: Path | None) -> None:
-    """Add how to run a study; `out` is where results go by default, None where its file says."""
+def add_running(parser: Options, out: str) -> None:
+    """Add the options that say how to run a study; `out` describes the default folder."""
+    parser.add_argument("--out", type=Path, metavar="DIR", help=f"default: {out}")
     parser.add_argument(
-        "--out",
-        type=Path,
-        default=out,
-        metavar="DIR",
-        help=f"default: {'the folder that FILE names' if out is None else '%(default)s'}",
-    )
-    parser.add_argument(
-        "--overwrite", action="store_true", help="replace results made with other settings"
+        "--overwrite", action="store_true", help="replace results made from other inputs"
     )
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="keep the cases that an earlier run into DIR has solved, and go on with those that "
-        "it had begun from their last equilibrium",
+        help="keep the cases that an earlier run into DIR has solved, and start those that it had "
+        "begun from their last equilibrium",
     )
     parser.add_argument(
         "--ranks-per-case",
         type=int,
         metavar="N",
-        help="ranks that solve one case together (default: cases side by side)",
+        help="ranks that solve one case together (default: cases run side by side)",
     )
     parser.add_argument(
-        "--profile", action="store_true", help="say where the time goes, and write profile.csv"
+        "--profile", action="store_true", help="show where the time goes, and write profile.csv"
     )
     parser.add_argument("--no-pictures", action="store_true", help="do not draw the cases")
     parser.add_argument(
@@ -55,68 +45,70 @@ def add_running(parser: Options, out: Path | None) -> None:
     )
 
 
-def check_ranks(comm: "MPI.Intracomm", ranks_per_case: int | None) -> None:
-    """Refuse groups of ranks that cannot be made.
+def check_options(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> None:
+    """Refuse options that cannot be combined, on all ranks.
 
     Raises
     ------
     InputError
-        On all ranks.
+        One line that names the option.
     """
-    if ranks_per_case is not None and not 1 <= ranks_per_case <= comm.size:
+    ranks = arguments.ranks_per_case
+    if ranks is not None and not 1 <= ranks <= comm.size:
         raise InputError(
-            f"--ranks-per-case: {ranks_per_case}; give 1 to {comm.size}, the number of "
-            "ranks that mpirun started"
+            f"--ranks-per-case: is {ranks}; give 1 to {comm.size}, the number of ranks that mpirun "
+            "started"
         )
-
-
-def solve(comm: "MPI.Intracomm", studies: Sequence["Study"], arguments: argparse.Namespace) -> int:
-    """Solve studies one after the other, and write the report of the first (collective).
-
-    Returns
-    -------
-    int
-        Exit code.
-    """
-    from rich.console import Console
-
-    from calfsocket.report.writing import write_report
-    from calfsocket.simulation import profile
-    from calfsocket.study.runner import attempt
-    from calfsocket.study.study import check_folder, run_study
-
     if arguments.resume and arguments.overwrite:
         raise InputError("--resume, --overwrite: keep the results or replace them; give one")
-    for each in studies:
-        on_first_rank(comm, partial(check_folder, each, arguments.overwrite))
+
+
+def solve(comm: "MPI.Intracomm", study: "Study", arguments: argparse.Namespace) -> int:
+    """Solve a study and write its report (collective); return the exit code."""
+    from rich.console import Console
+
     console = Console(stderr=True)
     if comm.rank == 0:
         _log_to(console)
-    solved = []
+    out = Path(arguments.out or study.plan.document.study.out)
+    log.info("results go to %s", out)
     try:
-        for each in studies:
-            log.info("results go to %s", each.out)
-            study = replace(each, profile=arguments.profile)
-            solved.append(
-                run_study(comm, study, arguments.ranks_per_case, console, arguments.resume)
-            )
-            if comm.rank == 0 and arguments.profile:
-                with attempt(f"no profile of {each.out}"):
-                    console.print(profile.table(each.out))
+        results = study.run(
+            comm,
+            out,
+            resume=arguments.resume,
+            overwrite=arguments.overwrite,
+            ranks_per_case=arguments.ranks_per_case,
+            pictures=not arguments.no_pictures,
+            profile=arguments.profile,
+            console=console,
+        )
     except KeyboardInterrupt as interrupt:
         raise type(interrupt)(
-            f"interrupted; what is finished is whole in {each.out}, and the same command with "
-            "--resume goes on"
+            f"interrupted; finished cases are complete in {out}, and the same command with "
+            "--resume continues"
         ) from None
-    if comm.rank == 0 and not arguments.no_report:
-        study = studies[0]  # the base, where there are variants: its page compares them
-        with attempt(f"no report in {study.out}"):
-            log.info("report: %s", write_report(study.out))
-    return OK if all(solved) else CASE_FAILED
+    if comm.rank == 0:
+        _finish(out, arguments, console)
+    solved = all(case.key in results for case in study.plan.to_solve)
+    return OK if solved else CASE_FAILED
+
+
+def _finish(out: Path, arguments: argparse.Namespace, console: "Console") -> None:
+    """Show the profile and write the report; neither may fail what is solved."""
+    from calfsocket.simulation import profile
+    from calfsocket.study.runner import logged
+
+    if arguments.profile:
+        with logged(f"no profile of {out}"):
+            console.print(profile.table(out))
+    if not arguments.no_report:
+        with logged(f"no report in {out}"):
+            log.info("report: %s", report.write(out))
 
 
 def _log_to(console: "Console") -> None:
-    """Show what the study tells of itself, and warnings of all packages."""
+    """Show the study's messages, and warnings of all packages."""
     from rich.logging import RichHandler
 
     if console.is_terminal:

@@ -1,12 +1,10 @@
 """The study: what runs without a command."""
 
 import argparse
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calfsocket.commands import options
-from calfsocket.commands.solving import add_running, check_ranks, solve
+from calfsocket.commands.solving import add_running, check_options, solve
 from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
@@ -69,55 +67,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="factor 2 mu/alpha^2, or mu/alpha as in the paper's equation (1) "
         "(default: %(default)s)",
     )
-    options.add_material(what, "the tissue `combined` is muscle and fascia of the combined set; ")
+    options.add_material(what, "`combined` is muscle and fascia of the combined set; ")
     options.add_friction(what)
     what.add_argument(
         "--variants",
         action="store_true",
-        help="solve the study also with each choice that the paper leaves open changed (held "
-        "socket, C10, friction 0, Ogden form), into DIR/variants/, and compare",
+        help="solve the cases also with each choice that the paper leaves open changed (held "
+        "socket, C10, friction 0, Ogden form), and compare",
     )
-    add_running(parser.add_argument_group("how to run"), Path("results"))
+    add_running(parser.add_argument_group("how to run"), "results")
 
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-    """Solve the study of the paper as the options change it, and its variants where wanted."""
-    from calfsocket.study import variants
-
-    check_ranks(comm, arguments.ranks_per_case)
-    study = on_first_rank(comm, lambda: _study(arguments))
-    return solve(comm, variants.studies(study) if arguments.variants else [study], arguments)
+    """Solve the study of the paper as the options change it."""
+    check_options(comm, arguments)
+    return solve(comm, on_first_rank(comm, lambda: _study(arguments)), arguments)
 
 
 def _study(arguments: argparse.Namespace) -> "Study":
     """Return what was asked for."""
     from calfsocket.materials.material_set import BASE_SETS
-    from calfsocket.study.build import to_study
-    from calfsocket.study.reading import paper_study
-    from calfsocket.study.study import select
+    from calfsocket.study.study import Study, variants
 
-    paper = paper_study()
-    sockets = select(arguments.sockets.split(","), list(paper.reference.sockets), "--sockets")
-    sets: list[Any] = select(arguments.materials.split(","), BASE_SETS, "--materials")
-    shared = options.model_settings(arguments, sets)  # refuses what is wrong, by its option
-    model = {
-        "size": shared["size"],
-        "friction": shared["contact"].fric_coeff,
-        "socket_support": arguments.socket_support,
-        "fascia_c10": shared["fascia_c10"],
-        "ogden_form": arguments.ogden_form,
+    paper = Study.paper()
+    sockets = options.select(arguments.sockets.split(","), list(paper.reference), "--sockets")
+    sets = options.select(arguments.materials.split(","), BASE_SETS, "--materials")
+    tables: dict[str, dict[str, Any]] = {
+        "model": {
+            "size": options.checked_size(arguments.size),
+            "friction": arguments.friction,
+            "socket_support": arguments.socket_support,
+            "fascia_c10": arguments.fascia_c10,
+            "ogden_form": arguments.ogden_form,
+        },
+        "laws": {
+            tissue: {"file": str(path.absolute())}
+            for tissue, path in options.material_files(arguments.material, sets).items()
+        },
     }
-    laws = dict(word.split("=", 1) for word in arguments.material)
-    content = {
-        **paper.content,
-        "model": {**paper.content["model"], **model},
-        "laws": {tissue: {"file": str(Path(file).absolute())} for tissue, file in laws.items()},
-    }
-    file = replace(paper, content=content)
-    return to_study(
-        file,
-        file.plan(),
-        arguments.out,
-        not arguments.no_pictures,
-        only=[f"{socket}_{name}" for socket in sockets for name in sets],
-    )
+    if arguments.variants:
+        tables["sweep"] = {"variants": variants()}
+    study = paper.changed(tables)
+    asked = {(socket, name) for socket in sockets for name in sets}
+    return study.changed(chosen=[case.name for case in study.cases if case.of in asked])

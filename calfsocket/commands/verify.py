@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     """Solve and write the page."""
-    from calfsocket.simulation import precompile as compilation
+    from calfsocket.simulation.precompile import precompile
     from calfsocket.verification.limb import coarsest_first
     from calfsocket.verification.page import SUBJECTS, chosen_subjects, write_page
 
@@ -51,6 +51,6 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
         raise InputError("verify: runs on one rank; start it without mpirun")
     subjects = chosen_subjects(arguments.only.split(",")) if arguments.only else SUBJECTS
     sizes = coarsest_first(arguments.size.split(","))
-    compilation.warm(comm)
+    precompile(comm)
     options = {"limb": {"sizes": sizes, "results": arguments.results}}
     return OK if write_page(arguments.out, subjects, options) else CASE_FAILED

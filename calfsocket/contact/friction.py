@@ -38,23 +38,23 @@ class ContactTraction:
 
 
 def coulomb(
-    trial_pressure: FloatArray, trial_shear: FloatArray, fric_coeff: float
+    trial_pressure: FloatArray, trial_shear: FloatArray, friction: float
 ) -> ContactTraction:
     """Project trial tractions on the Coulomb cone.
 
     pressure = max(trial_pressure, 0);
-    shear = trial_shear clipped to [-fric_coeff pressure, fric_coeff pressure].
+    shear = trial_shear clipped to [-friction pressure, friction pressure].
 
     Parameters
     ----------
     trial_pressure, trial_shear : (n,)
         Trial values in MPa.
-    fric_coeff : float
+    friction : float
         Coefficient of friction, >= 0 (the paper, section 2.3: 0.4).
     """
     closed = trial_pressure > 0
     pressure = np.where(closed, trial_pressure, 0.0)
-    limit = fric_coeff * pressure
+    limit = friction * pressure
     stick = closed & (np.abs(trial_shear) <= limit)
     slip = closed & ~stick
     direction = np.sign(trial_shear)
@@ -63,6 +63,6 @@ def coulomb(
         shear=np.where(stick, trial_shear, np.where(slip, limit * direction, 0.0)),
         status=np.where(stick, STICK, np.where(slip, SLIP, OPEN)),
         d_pressure=closed.astype(float),
-        d_shear_pressure=np.where(slip, fric_coeff * direction, 0.0),
+        d_shear_pressure=np.where(slip, friction * direction, 0.0),
         d_shear_shear=stick.astype(float),
     )

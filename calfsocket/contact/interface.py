@@ -1,6 +1,7 @@
 """The contact interface of a distributed mesh: skin quadrature points against the socket's face."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,15 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact import nitsche
-from calfsocket.contact.nitsche import ContactParameters, ContactState, SkinPoints
+from calfsocket.contact.nitsche import ContactState, SkinPoints
+from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.io.errors import InputError
+from calfsocket.materials.fields import LawFields, kind
+from calfsocket.materials.law import Law
+from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -131,14 +137,14 @@ class ContactInterface:
     ----------
     w : fem.Function
         Mixed unknowns; sub-space 0 is the displacement in mm.
-    material : Material
-        That of the skin's surface.
-    facet_tags : MeshTags
-        Tags of the boundary edges.
-    skin_tag, socket_tag : int
-        Tags of the skin surface and of the socket's inner face.
-    parameters : ContactParameters
-        Friction and Nitsche stiffness.
+    section : SectionMesh
+        Mesh with both boundaries.
+    laws : mapping of region name to law
+        Law of each region; one kind alone meets the skin's surface.
+    fields : LawFields
+        Parameters of the laws.
+    pair : ContactPair
+        Names of the two boundaries, friction and Nitsche stiffness.
 
     Attributes
     ----------
@@ -155,25 +161,26 @@ class ContactInterface:
     def __init__(
         self,
         w: fem.Function,
-        material: mixed.Material,
-        facet_tags: mesh.MeshTags,
-        skin_tag: int,
-        socket_tag: int,
-        parameters: ContactParameters,
+        section: SectionMesh,
+        laws: Mapping[str, Law],
+        fields: LawFields,
+        pair: "ContactPair",
     ) -> None:
         V = w.function_space
         domain = V.mesh
+        material = surface_material(section, laws, fields, pair.skin)
         self.load = 0.0
-        self.parameters = parameters
+        self.parameters = parameters = pair.parameters
         self.edge_parameters, self._edge_weights = np.polynomial.legendre.leggauss(
             parameters.gauss_points
         )
-        self.skin = Face.of(V, facet_tags, skin_tag)
-        self._comm = domain.comm
+        facet_tags, boundaries = section.facet_tags, section.boundaries
+        self.skin = Face.of(V, facet_tags, boundaries[pair.skin])
+        self.comm = domain.comm
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
-        self._set_up_socket(Face.of(V, facet_tags, socket_tag))
+        self._set_up_socket(Face.of(V, facet_tags, boundaries[pair.socket]))
 
         on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         u, p_dof = ufl.split(w)
@@ -182,14 +189,14 @@ class ContactInterface:
         p, dp = (mixed.pressure(q, material.pressure_scale) for q in (p_dof, dp_dof))
         stress = mixed.first_piola(material, F, p)
         d_stress = mixed.first_piola_increment(material, F, p, ufl.grad(du), dp)
-        self._stress = fem.Expression(stress, on_edge, comm=self._comm)
-        self._d_stress = fem.Expression(d_stress, on_edge, comm=self._comm)
+        self._stress = fem.Expression(stress, on_edge, comm=self.comm)
+        self._d_stress = fem.Expression(d_stress, on_edge, comm=self.comm)
         self.points, self._normal = self._skin_points(on_edge)
         dofs = _global(V.dofmap.index_map, self.skin.dofs).reshape(-1, 6)
         self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
-        start = self.chain.project(position, self._socket_displacement())
+        start = self.chain.project(position, self.socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
         self.converged_arc = self._earlier_arc = start.arc
@@ -199,7 +206,7 @@ class ContactInterface:
     def _set_up_socket(self, face: Face) -> None:
         """Share the socket's edges with all ranks and string them to one chain."""
         nodes, inside = (
-            np.concatenate(self._comm.allgather(part)) for part in (face.nodes, face.inside)
+            np.concatenate(self.comm.allgather(part)) for part in (face.nodes, face.inside)
         )
         self._chain_order = order_chain(nodes, inside)
         self.chain = EdgeChain.from_edges(along_chain(nodes, *self._chain_order))
@@ -209,15 +216,15 @@ class ContactInterface:
 
     def along_socket(self, values: NDArray[Any]) -> NDArray[Any]:
         """Gather values at the nodes of `socket` along its chain, on every rank; (n_edges, 6)."""
-        everywhere = np.concatenate(self._comm.allgather(values))
+        everywhere = np.concatenate(self.comm.allgather(values))
         return along_chain(everywhere, *self._chain_order).reshape(-1, 6)
 
-    def _socket_displacement(self) -> FloatArray:
+    def socket_displacement(self) -> FloatArray:
         """Displacement of the chain's nodes on every rank, in mm; (n_edges, 3, 2)."""
         mine = np.ascontiguousarray(self._w.x.array[self.socket.dofs])
-        counts = np.array(self._comm.allgather(mine.size))
+        counts = np.array(self.comm.allgather(mine.size))
         everyone = np.empty(counts.sum())
-        self._comm.Allgatherv(mine, [everyone, counts])
+        self.comm.Allgatherv(mine, [everyone, counts])
         return along_chain(everyone.reshape(-1, 3, 2), *self._chain_order)
 
     def _skin_points(self, on_edge: FloatArray) -> tuple[SkinPoints, FloatArray]:
@@ -226,7 +233,7 @@ class ContactInterface:
         n_points = self.parameters.gauss_points
 
         def at_points(expression: Any) -> FloatArray:
-            return self._evaluate(fem.Expression(expression, on_edge, comm=self._comm))
+            return self._evaluate(fem.Expression(expression, on_edge, comm=self.comm))
 
         reference = at_points(ufl.SpatialCoordinate(domain)).reshape(-1, 2)
         jacobian = at_points(ufl.Jacobian(domain)).reshape(-1, 2, 2)
@@ -282,7 +289,7 @@ class ContactInterface:
         if nominal_traction is None:
             nominal_traction = self.nominal_traction()
         position = self.deformed_points()
-        projection = self.chain.project(position, self._socket_displacement())
+        projection = self.chain.project(position, self.socket_displacement())
         return nitsche.contact_state(
             position,
             nominal_traction,
@@ -297,7 +304,7 @@ class ContactInterface:
         state = self.state()
         closed = state.traction.pressure > 0
         mine = np.abs(state.reduced_gap[closed]).max(initial=0.0)
-        return float(self._comm.allreduce(mine, op=MPI.MAX))
+        return float(self.comm.allreduce(mine, op=MPI.MAX))
 
     def accept(self) -> None:
         """Take the slip so far as done; tractions stay what they are (collective)."""
@@ -313,6 +320,20 @@ class ContactInterface:
         """Take the last `accept` back."""
         self.converged_arc = self._earlier_arc
 
+    def force(self, state: ContactState) -> tuple[FloatArray, float]:
+        """Force on the skin, N/mm, and the integral of contact pressure over it (collective).
+
+        Parameters
+        ----------
+        state : ContactState
+            Contact at the points of this rank.
+        """
+        at, law = state.projection, state.traction
+        traction = law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
+        weight = self.points.weight
+        total = self.comm.allreduce(np.array([*(weight @ traction), weight @ law.pressure]))
+        return total[:2], float(total[2])
+
     # -- assembly -------------------------------------------------------------------------------
 
     def add_residual(self, b: PETSc.Vec) -> ContactState:
@@ -320,7 +341,7 @@ class ContactInterface:
         with CONTACT_RESIDUAL:
             state = self.state()
             skin, socket = nitsche.residual(self.points, state)
-            # Held unknowns, too: their residual is the force that holds them.
+            # Constrained unknowns, too: their residual is the force that holds them.
             b.setValues(self._skin_dofs, skin, addv=PETSc.InsertMode.ADD_VALUES)
             b.setValues(
                 self._socket_dofs[state.projection.edge], socket, addv=PETSc.InsertMode.ADD_VALUES
@@ -333,7 +354,8 @@ class ContactInterface:
         with CONTACT_TANGENT:
             nominal = self.nominal_traction()
             state = self.state(nominal)
-            blocks = nitsche.tangent(self.points, state, nominal, self.parameters)
+            gamma, gamma_t = self.parameters.gamma, self.parameters.gamma_t
+            blocks = nitsche.tangent(self.points, state, nominal, gamma, gamma_t)
             return ContactTangent(state.projection.edge, *blocks, self.nominal_traction_variation())
 
     def constraint_tangent(self) -> ContactTangent:
@@ -354,6 +376,62 @@ class ContactInterface:
         return near.reshape(len(edge), near.shape[1] * self.parameters.gauss_points)
 
 
+@dataclass(frozen=True)
+class ContactPair:
+    """Two boundaries that may touch, as a problem takes them.
+
+    Attributes
+    ----------
+    skin, socket : str
+        Names of the boundary that is integrated over, that of the softer body, and of the one that
+        it is projected on.
+    parameters : Contact
+        Friction and Nitsche stiffness.
+    kind : callable
+        Makes the interface, with the arguments of `ContactInterface`: another one may come to full
+        load in another way.
+    """
+
+    skin: str
+    socket: str
+    parameters: Contact = field(default_factory=Contact)
+    kind: Callable[..., ContactInterface] = ContactInterface
+
+    def bind(
+        self,
+        w: fem.Function,
+        section: SectionMesh,
+        laws: Mapping[str, Law],
+        fields: LawFields,
+    ) -> ContactInterface:
+        """Make the interface of a problem (collective); parameters as of `ContactInterface`."""
+        return self.kind(w, section, laws, fields, self)
+
+
 def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
     """Global indices of local ones, in the same shape, of PETSc's integer type."""
     return index_map.local_to_global(local.ravel()).reshape(local.shape).astype(PETSc.IntType)
+
+
+def surface_material(
+    section: SectionMesh, laws: Mapping[str, Law], fields: LawFields, boundary: str
+) -> mixed.Material:
+    """Material of the cells on a boundary, the same on every rank (collective).
+
+    Raises
+    ------
+    InputError
+        If laws of several kinds meet there.
+    """
+    topology = section.mesh.topology
+    topology.create_connectivity(1, 2)
+    facet_to_cell = topology.connectivity(1, 2)
+    regions = section.cell_regions()
+    facets = section.facet_tags.find(section.boundaries[boundary])
+    mine = {int(regions[facet_to_cell.links(facet)[0]]) for facet in facets}
+    names = {tag: name for name, tag in section.regions.items()}
+    there = {names[tag] for part in section.mesh.comm.allgather(mine) for tag in part}
+    if len({kind(laws[name]) for name in there}) != 1:
+        found = sorted({laws[name].name for name in there})
+        raise InputError(f"{boundary}: laws {found} meet there; one is allowed")
+    return fields.of_region(there.pop())

@@ -27,32 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calfsocket.contact.friction import OPEN, SLIP, STICK, ContactTraction, coulomb
+from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import Projection, shape_functions
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ContactParameters:
-    """Numbers of the contact method.
-
-    Attributes
-    ----------
-    fric_coeff : float
-        Coefficient of friction (paper, section 2.3).
-    gamma, gamma_t : float
-        Normal and tangential Nitsche stiffness in MPa/mm. The solution does not depend on them;
-        the number of Newton iterations does.
-    gauss_points : int
-        Quadrature points on a skin edge. They do not see kinks of the socket's shape functions
-        inside the edge: below 1 mm elements that is what is left of the error of contact pressure,
-        2e-7 on the exact ring.
-    """
-
-    fric_coeff: float = 0.4
-    gamma: float = 1.0
-    gamma_t: float = 0.5
-    gauss_points: int = 4
 
 
 @dataclass(frozen=True)
@@ -108,7 +86,7 @@ def contact_state(
     projection: Projection,
     closing: FloatArray,
     slip: FloatArray,
-    parameters: ContactParameters,
+    parameters: Contact,
 ) -> ContactState:
     """Contact pressure, shear and status from the skin's traction, gap and slip.
 
@@ -124,7 +102,7 @@ def contact_state(
         The shrink fit's part of the gap, (1 - load) min(initial gap, 0), in mm.
     slip : (n,)
         Slip of the load step, in mm.
-    parameters : ContactParameters
+    parameters : Contact
         Friction and Nitsche stiffness.
     """
     gap = np.sum((position - projection.point) * projection.normal, axis=1)
@@ -134,11 +112,11 @@ def contact_state(
     )
     trial_pressure[projection.beyond] = -np.inf
     trial_shear = np.sum(nominal_traction * projection.tangent, axis=1) - parameters.gamma_t * slip
-    traction = coulomb(trial_pressure, trial_shear, parameters.fric_coeff)
+    traction = coulomb(trial_pressure, trial_shear, parameters.friction)
     return ContactState(projection, gap, reduced_gap, slip, trial_shear, traction)
 
 
-def settled_slip(state: ContactState, parameters: ContactParameters) -> FloatArray:
+def settled_slip(state: ContactState, parameters: Contact) -> FloatArray:
     """Slip with which each point's trial shear is the shear itself, in mm; (n,).
 
     Where a point sticks it is the slip that it has, where it slid that of the limit of friction.
@@ -170,7 +148,8 @@ def tangent(
     points: SkinPoints,
     state: ContactState,
     nominal_traction: FloatArray,
-    parameters: ContactParameters,
+    gamma: float,
+    gamma_t: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Exact derivative of `residual`: projection, normal, tangent and T all vary.
 
@@ -180,8 +159,8 @@ def tangent(
         As in `residual`.
     nominal_traction : (n, 2)
         T in MPa.
-    parameters : ContactParameters
-        Friction and Nitsche stiffness.
+    gamma, gamma_t : float
+        Nitsche stiffness in MPa/mm.
 
     Returns
     -------
@@ -211,8 +190,8 @@ def tangent(
 
     nominal_n = np.sum(nominal_traction * at.normal, axis=1)
     nominal_e = np.sum(nominal_traction * at.tangent, axis=1)
-    d_trial_pressure = -nominal_e[:, None] * turn - parameters.gamma * _rows(at.normal, d_offset)
-    d_trial_shear = nominal_n[:, None] * turn - parameters.gamma_t * at.darc[:, None] * d_xi
+    d_trial_pressure = -nominal_e[:, None] * turn - gamma * _rows(at.normal, d_offset)
+    d_trial_shear = nominal_n[:, None] * turn - gamma_t * at.darc[:, None] * d_xi
     d_pressure = law.d_pressure[:, None] * d_trial_pressure
     d_shear = (
         law.d_shear_pressure[:, None] * d_trial_pressure
@@ -275,7 +254,8 @@ def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float
         points,
         replace(state, traction=pressed),
         nominal_traction=np.zeros((n, 2)),
-        parameters=ContactParameters(gamma=0.0, gamma_t=0.0),
+        gamma=0.0,
+        gamma_t=0.0,
     )
     d_offset = _offset_variation(points, at)
     direction = np.where(

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 #: Characters of a line; input that is quoted may be a whole file.
 _LONGEST = 1000
@@ -36,6 +37,20 @@ def error_context(path: Path | str, place: str = "") -> Iterator[None]:
 
 class SolveError(CalfsocketError, RuntimeError):
     """An equilibrium was not found."""
+
+
+class ConvergenceError(SolveError):
+    """The full load was not reached.
+
+    Attributes
+    ----------
+    result : Result or None
+        The last equilibrium of a simulation; None where no simulation failed.
+    """
+
+    def __init__(self, text: str, result: Any = None) -> None:
+        super().__init__(text)
+        self.result = result
 
 
 class WriteError(CalfsocketError, OSError):

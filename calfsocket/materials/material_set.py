@@ -11,7 +11,7 @@ from calfsocket.io.schema import nearest
 from calfsocket.materials import tissues
 from calfsocket.materials.laws import Law, Ogden, OgdenForm, Yeoh
 from calfsocket.materials.tissues import FasciaC10
-from calfsocket.meshes.data import load_limb
+from calfsocket.meshes.limb import Limb
 
 BaseSet = Literal["separate", "combined"]
 BASE_SETS: tuple[BaseSet, ...] = get_args(BaseSet)
@@ -200,7 +200,7 @@ def _unknown(name: str, known: list[str], regions: Iterable[str]) -> str:
 
 @cache
 def _reference_regions() -> tuple[str, ...]:
-    return tuple(region.name for region in load_limb().regions)
+    return tuple(Limb.reference().tissues)
 
 
 def _check_choice(key: str, value: str, allowed: tuple[str, ...]) -> None:

@@ -11,11 +11,19 @@ does not change the cell's volume, and a constant pressure meets nothing but 1/K
 constant stays outside. Contact takes the skin's traction from the whole skin cell, so that it has
 entries in K_oi, but none in K_io or K_ii.
 
-Unknowns outside have a numbering of their own, that of the index map `outside`; their held ones are
-left out. The loops over cells are in condensation.c.
+Unknowns outside have a numbering of their own, that of the index map `outside`; constrained ones
+are left out. Where displacements are prescribed, with c for the constrained unknowns and x_c for
+what their residual asks for, the columns of the condensed matrix that are theirs go to the right:
+
+    S_oo x_o = r_o - K_oi K_ii^-1 r_i - S_oc x_c,    x_i = K_ii^-1 (r_i - K_io x_o - K_ic x_c).
+
+Contact has no part in S_oc: no displacement is prescribed where bodies touch. The loops over cells
+are in condensation.c.
 
 Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
 """
+
+from typing import Any
 
 import numpy as np
 from dolfinx import cpp, fem, la
@@ -43,7 +51,7 @@ TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
 
 
 class CondensedTangent:
-    """Tangent of a section with contact: PETSc's matrix, and its factorisation as preconditioner.
+    """Tangent of bodies: PETSc's matrix, and its factorisation as preconditioner.
 
     Parameters
     ----------
@@ -51,12 +59,14 @@ class CondensedTangent:
         Mixed space of `forms.element.section_element`.
     tissues : CellLoops
         The tissues' tangents.
-    held : (n,) bool
-        Markers of held local unknowns, ghosts included.
+    constrained : (n,) bool
+        Markers of constrained local unknowns, ghosts included.
     keeps_constant : (m,) bool
         Local cells, ghosts included, whose constant pressure stays outside.
-    contact : ContactInterface
-        The contact pair.
+    contact : ContactInterface, optional
+        Contact between the bodies.
+    prescribed : bool
+        Whether constrained unknowns may be away from their values, so that their columns count.
 
     Attributes
     ----------
@@ -74,9 +84,10 @@ class CondensedTangent:
         self,
         V: fem.FunctionSpace,
         tissues: CellLoops,
-        held: NDArray[np.bool_],
+        constrained: NDArray[np.bool_],
         keeps_constant: NDArray[np.bool_],
-        contact: ContactInterface,
+        contact: ContactInterface | None = None,
+        prescribed: bool = False,
     ) -> None:
         self._comm = V.mesh.comm
         self._contact = contact
@@ -88,7 +99,10 @@ class CondensedTangent:
         self._inside = np.ascontiguousarray(
             np.column_stack([dofs[:, _BUBBLE], *others, p0])[: cells.size_local]
         )
-        self._V, self._held = V, held
+        self._V, self._constrained = V, constrained
+        self._columns_of_prescribed: _PrescribedColumns | None = None
+        if prescribed:
+            self._columns_of_prescribed = _PrescribedColumns(V, constrained)
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
         with defaults():
@@ -105,7 +119,7 @@ class CondensedTangent:
     def _set_up(self, keeps_constant: NDArray[np.bool_]) -> None:
         self._kept = keeps_constant
         self._keeps_constant = keeps_constant[: len(self._inside)].astype(np.uint8)
-        self._number_outside(self._V, self._held, keeps_constant)
+        self._number_outside(self._V, self._constrained, keeps_constant)
         self._lay_out()
         self._assembled = False
         self._b, self._x = self.matrix.createVecs()
@@ -115,14 +129,14 @@ class CondensedTangent:
     def _number_outside(
         self,
         V: fem.FunctionSpace,
-        held: NDArray[np.bool_],
+        constrained: NDArray[np.bool_],
         keeps_constant: NDArray[np.bool_],
     ) -> None:
         index_map = V.dofmap.index_map
         dofs = V.dofmap.list
-        is_outside = np.zeros(len(held), dtype=bool)
+        is_outside = np.zeros(len(constrained), dtype=bool)
         is_outside[dofs[:, _DISPLACEMENTS]] = True
-        is_outside[held] = False
+        is_outside[constrained] = False
         is_outside[dofs[keeps_constant, _PRESSURE][:, 0]] = True
         self._dofs = np.flatnonzero(is_outside[: index_map.size_local])
         first = self._comm.exscan(len(self._dofs)) or 0
@@ -130,15 +144,15 @@ class CondensedTangent:
         numbers.array[:] = -1
         numbers.array[self._dofs] = first + np.arange(len(self._dofs))
         numbers.scatter_forward()
-        owner = np.full(len(held), self._comm.rank)
+        owner = np.full(len(constrained), self._comm.rank)
         owner[index_map.size_local :] = index_map.owners
-        # The socket's face is a neighbour of all skin, wherever it is owned.
-        face = self._contact.socket.dofs
-        socket = self._contact.along_socket(numbers.array[face])
-        ghosts = np.concatenate([numbers.array[index_map.size_local :], socket.ravel()])
-        owners = np.concatenate(
-            [owner[index_map.size_local :], self._contact.along_socket(owner[face]).ravel()]
-        )
+        ghosts, owners = numbers.array[index_map.size_local :], owner[index_map.size_local :]
+        if self._contact is not None:
+            # The socket's face is a neighbour of all skin, wherever it is owned.
+            face = self._contact.socket.dofs
+            socket = self._contact.along_socket(numbers.array[face])
+            ghosts = np.concatenate([ghosts, socket.ravel()])
+            owners = np.concatenate([owners, self._contact.along_socket(owner[face]).ravel()])
         elsewhere = (ghosts >= 0) & (owners != self._comm.rank)
         ghosts, once = np.unique(ghosts[elsewhere], return_index=True)
         self.outside = IndexMap(
@@ -149,6 +163,8 @@ class CondensedTangent:
         constant = np.where(keeps_constant[:n_cells], dofs[:n_cells, _PRESSURE][:, 0], -1)
         of_cells = np.column_stack([dofs[:n_cells, _DISPLACEMENTS], constant])
         self._numbers = self._local(np.where(of_cells < 0, -1, numbers.array[of_cells]))
+        if self._contact is None:
+            return
         skin = self._contact.skin.entities[:, 0]
         n_points = self._contact.parameters.gauss_points
         self._skin_cells = np.repeat(skin, n_points)
@@ -169,17 +185,8 @@ class CondensedTangent:
         for numbers in self._numbers:
             there = numbers[numbers >= 0]
             pattern.insert(there, there)
-        ahead = self._contact.edges_ahead()
-        for numbers in self._socket_numbers[np.unique(ahead)]:  # that another rank may own
-            there = numbers[numbers >= 0]
-            pattern.insert(there, there)
-        n_points = self._contact.parameters.gauss_points
-        for cell, edges in zip(self._skin_cells[::n_points], ahead, strict=True):
-            skin = self._numbers[cell]
-            socket = np.unique(self._socket_numbers[edges])
-            skin, socket = skin[skin >= 0], socket[socket >= 0]
-            pattern.insert(skin, socket)
-            pattern.insert(socket, skin)
+        if self._contact is not None:
+            self._add_pattern_of(self._contact, pattern)
         pattern.finalize()
         self.ksp.reset()
         self._csr = la.matrix_csr(pattern)
@@ -203,12 +210,39 @@ class CondensedTangent:
         self.matrix = PETSc.Mat().createAIJ((size, size), comm=self._comm)
         self.matrix.setPreallocationCSR((starts, self._owned[1], self._values[:end]))
 
+    def _add_pattern_of(self, contact: ContactInterface, pattern: Any) -> None:
+        ahead = contact.edges_ahead()
+        for numbers in self._socket_numbers[np.unique(ahead)]:  # that another rank may own
+            there = numbers[numbers >= 0]
+            pattern.insert(there, there)
+        n_points = contact.parameters.gauss_points
+        for cell, edges in zip(self._skin_cells[::n_points], ahead, strict=True):
+            skin = self._numbers[cell]
+            socket = np.unique(self._socket_numbers[edges])
+            skin, socket = skin[skin >= 0], socket[socket >= 0]
+            pattern.insert(skin, socket)
+            pattern.insert(socket, skin)
+
     # -- assembly -------------------------------------------------------------------------------
 
-    def assemble(self, contact: ContactTangent) -> None:
-        """Tissues at their present unknowns, and contact (collective)."""
+    def assemble(self, contact: ContactTangent | None) -> None:
+        """Add tissues at their present unknowns, and contact where there is any (collective)."""
         self._values[:] = 0.0
         self._add_tissues()
+        if self._columns_of_prescribed is not None:
+            self._columns_of_prescribed.assemble(
+                self._tissues, self._keeps_constant, self.inverse, self.coupling
+            )
+        if contact is not None:
+            self._assemble_contact(contact)
+        if self._comm.size > 1:
+            self._csr.scatter_reverse()
+            starts, columns, end = self._owned
+            self.matrix.setValuesCSR(starts, columns, self._values[:end])
+        self.matrix.assemble()
+        self._assembled = True
+
+    def _assemble_contact(self, contact: ContactTangent) -> None:
         # T by what is inside and outside of the skin's cell; the constant pressure has its part in
         # all three at the vertices.
         inside = contact.d_traction[:, :, _ELIMINATED]
@@ -223,12 +257,6 @@ class CondensedTangent:
             self._add_tissues()
             self._add_contact(contact.edge, blocks)
         self._by_traction, self._d_traction_inside = contact.by_traction, inside
-        if self._comm.size > 1:
-            self._csr.scatter_reverse()
-            starts, columns, end = self._owned
-            self.matrix.setValuesCSR(starts, columns, self._values[:end])
-        self.matrix.assemble()
-        self._assembled = True
 
     def _add_tissues(self) -> None:
         with TISSUE_TANGENT:
@@ -285,14 +313,20 @@ class CondensedTangent:
         z[:, 2:4] -= z[:, 4:]  # pressure differences
         z[there[:, -1], 4] = 0.0  # a constant pressure that is outside
         z += np.einsum("cio,co->ci", self.coupling, np.where(there, values[self._numbers], 0.0))
+        if self._columns_of_prescribed is not None:
+            cells, change = self._columns_of_prescribed.inside(v, self.coupling)
+            z[cells] += change
         inside = np.linalg.solve(self._invertible(), z[:, :, None])[:, :, 0]
         outside = np.einsum("cio,ci->co", self.coupling, inside)
         values[:] = 0.0
         values[:n_owned] = self._x.array_r
         np.add.at(values, self._numbers[there], outside[there])
-        self._add_contact_inside(1.0, z[self._skin_cells], values)
+        if self._columns_of_prescribed is not None:
+            self._columns_of_prescribed.add_outside(1.0, v, self._numbers, values)
+        if self._contact is not None:
+            self._add_contact_inside(1.0, z[self._skin_cells], values)
         self._vector.scatter_reverse(la.InsertMode.add)
-        x.copy(y)  # for the held unknowns
+        x.copy(y)  # for the constrained unknowns
         y.array[self._dofs] = values[:n_owned]
         inside[there[:, -1], 4] = values[self._numbers[there[:, -1], -1]]
         inside[:, 4] -= inside[:, 2] + inside[:, 3]
@@ -315,7 +349,7 @@ class CondensedTangent:
             self.ksp.setUp()
 
     def apply(self, _pc: PETSc.PC, residual: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """Solve with the factorised tangent; held unknowns are those of the residual."""
+        """Solve with the factorised tangent; constrained unknowns are those of the residual."""
         r, values = residual.array_r, self._vector.array
         values[:] = 0.0
         values[: len(self._dofs)] = r[self._dofs]
@@ -328,7 +362,10 @@ class CondensedTangent:
             self.coupling,
             values,
         )
-        self._add_contact_inside(-1.0, self._alone(r), values)
+        if self._contact is not None:
+            self._add_contact_inside(-1.0, self._alone(r), values)
+        if self._columns_of_prescribed is not None:
+            self._columns_of_prescribed.add_outside(-1.0, r, self._numbers, values)
         self._vector.scatter_reverse(la.InsertMode.add)
         self._b.array[:] = values[: len(self._dofs)]
         self.ksp.solve(self._b, self._x)
@@ -348,6 +385,10 @@ class CondensedTangent:
             values,
             x,
         )
+        if self._columns_of_prescribed is not None:
+            cells, change = self._columns_of_prescribed.inside(r, self.coupling)
+            change[:, 2:4] += change[:, 4:]  # pressures again, from their differences
+            x[self._inside[cells]] -= change
 
     def _alone(self, r: FloatArray) -> FloatArray:
         """K_ii^-1 r_i in the cell of each skin point; (n, 5)."""
@@ -361,3 +402,57 @@ class CondensedTangent:
         change = factor * np.einsum("noc,nc->no", self._by_traction, traction)
         there = self._contact_rows >= 0
         np.add.at(values, self._contact_rows[there], change[there])
+
+
+class _PrescribedColumns:
+    """Columns of the condensed matrix that belong to constrained displacements, cell by cell.
+
+    Parameters
+    ----------
+    V : fem.FunctionSpace
+        As for `CondensedTangent`.
+    constrained : (n,) bool
+        Markers of constrained local unknowns, ghosts included.
+    """
+
+    def __init__(self, V: fem.FunctionSpace, constrained: NDArray[np.bool_]) -> None:
+        n_cells = V.mesh.topology.index_map(2).size_local
+        dofs = V.dofmap.list[:n_cells, _DISPLACEMENTS]
+        self.cells = np.flatnonzero(constrained[dofs].any(axis=1))
+        self._dofs, self._constrained = dofs[self.cells], constrained
+        self._vector = la.vector(V.dofmap.index_map)
+        self._positions = np.full((n_cells, OUTSIDE, OUTSIDE), -1, dtype=np.int32)
+        shape = (len(self.cells), OUTSIDE, OUTSIDE)
+        self._matrices = np.zeros(shape)
+        self._positions[self.cells] = np.arange(self._matrices.size).reshape(shape)
+
+    def assemble(
+        self,
+        tissues: CellLoops,
+        keeps_constant: NDArray[np.uint8],
+        inverse: FloatArray,
+        coupling: FloatArray,
+    ) -> None:
+        """Compute the condensed matrices of those cells."""
+        self._matrices[:] = 0.0
+        tissues.add_tangents(keeps_constant, self._positions, inverse, coupling, self._matrices)
+
+    def _in_cells(self, v: FloatArray) -> FloatArray:
+        """Constrained displacements of the cells, 0 for the others (collective); (k, 12)."""
+        values = self._vector.array
+        values[: len(v)] = v
+        self._vector.scatter_forward()
+        return np.where(self._constrained[self._dofs], values[self._dofs], 0.0)
+
+    def add_outside(
+        self, factor: float, v: FloatArray, numbers: IntArray, values: FloatArray
+    ) -> None:
+        """Add factor S_oc v_c to the unknowns outside (collective)."""
+        change = factor * np.einsum("nij,nj->ni", self._matrices[:, :, :-1], self._in_cells(v))
+        rows = numbers[self.cells]
+        np.add.at(values, rows[rows >= 0], change[rows >= 0])
+
+    def inside(self, v: FloatArray, coupling: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+        """Cells, and K_ii^-1 K_ic v_c in them (collective); (k, 5)."""
+        inner = coupling[self.cells][:, :, :-1]
+        return self.cells, np.einsum("nij,nj->ni", inner, self._in_cells(v))

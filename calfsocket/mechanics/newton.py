@@ -3,15 +3,15 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from petsc4py import PETSc
 
 from calfsocket.io.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
 
 
-class Problem(Protocol):
-    """What the solver needs of a model; every method is collective."""
+class System(Protocol):
+    """What Newton's method needs of a problem; every method is collective."""
 
     def create_vector(self) -> PETSc.Vec:
         """Return a vector of unknowns, zero."""
@@ -39,7 +39,7 @@ class Problem(Protocol):
 
 @dataclass(frozen=True)
 class NewtonResult:
-    """Outcome of one Newton solve.
+    """How one Newton solve ended.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class NewtonResult:
     history: tuple[float, ...]
 
 
-class Solver:
-    """Newton's method for a `Problem`.
+class Newton:
+    """Newton's method for a `System`.
 
     Parameters
     ----------
-    problem : Problem
+    problem : System
         Residual and tangent.
     monitor : callable, optional
         Called with iteration and residual norm (N/mm) at each iteration, on every rank.
@@ -75,15 +75,27 @@ class Solver:
         Whether to try without a line search first, and with one again from the same start where
         that does not converge. In small load steps a search only cuts steps for the rows of stiff
         tissues, which the next iteration would mend. A search of the user's choice is the only one.
+
+    Attributes
+    ----------
+    problem : System
+        As given.
+    x : PETSc.Vec
+        Unknowns: where a solve starts, and its last iterate.
+    observers : list of callable
+        Called at each iteration of every Newton's method of this process, with itself, PETSc's
+        SNES, the iteration and the residual norm (N/mm).
     """
+
+    observers: ClassVar[list[Callable[["Newton", PETSc.SNES, int, float], None]]] = []
 
     def __init__(
         self,
-        problem: Problem,
+        problem: System,
         monitor: Callable[[int, float], None] | None = None,
         full_steps_first: bool = False,
     ) -> None:
-        self._problem = problem
+        self.problem = problem
         self._monitor = monitor
         self._history: list[float] = []
         self.x = problem.create_vector()
@@ -95,7 +107,7 @@ class Solver:
             self._first = self._create_snes(snes_linesearch_type="basic")
 
     def _create_snes(self, **changed: str) -> PETSc.SNES:
-        problem = self._problem
+        problem = self.problem
         snes = PETSc.SNES().create(self.x.getComm())
         snes.setOptionsPrefix(OPTIONS_PREFIX)
         snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
@@ -135,7 +147,7 @@ class Solver:
 
     def factorise(self) -> None:
         """Factorise the tangent at the present `x`, for `correction` (collective)."""
-        self._problem.tangent(self.x, self._A)
+        self.problem.tangent(self.x, self._A)
         ksp = self._searching.getKSP()
         ksp.setOperators(self._A)
         ksp.setUp()
@@ -146,6 +158,13 @@ class Solver:
         self._searching.getKSP().solve(residual, step)
         return step
 
+    def iterate(self) -> None:
+        """Take one full iteration from the present `x`, whatever its residual (collective)."""
+        residual = self.x.duplicate()
+        self.problem.residual(self.x, residual)
+        self.factorise()
+        self.x.axpy(-1.0, self.correction(residual))
+
     def negative_modes(self) -> int:
         """Count the negative modes of the equilibrium at the present `x` (collective).
 
@@ -153,7 +172,7 @@ class Solver:
         constraint, by Sylvester's law from MUMPS's LDL^T factorisation, minus one for each pressure
         unknown, which a saddle point owns anyway. Zero means a stable equilibrium.
         """
-        matrix, expected = self._problem.stability(self.x, self._A)
+        matrix, expected = self.problem.stability(self.x, self._A)
         symmetric = matrix.copy()
         symmetric.axpy(1.0, matrix.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
         symmetric.scale(0.5)
@@ -177,6 +196,8 @@ class Solver:
         self._history.append(float(norm))
         if self._monitor is not None:
             self._monitor(iteration, float(norm))
+        for observe in self.observers:
+            observe(self, snes, iteration, float(norm))
 
 
 def _reason_name(reason: int) -> str:

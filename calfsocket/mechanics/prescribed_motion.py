@@ -1,158 +1,129 @@
-"""A model whose held boundaries are moved: prescribed displacements instead of an overclosure."""
+"""Prescribed motion: bodies of a problem are moved, and what they touch gives way."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from dolfinx import fem
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from calfsocket.io.errors import SolveError
-from calfsocket.mechanics.newton import NewtonResult, Solver
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.newton import NewtonResult
+from calfsocket.mechanics.problem import Problem
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 
-FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Body:
-    """Displacement unknowns of some regions.
-
-    Not all are values at nodes (the element has a bubble), so positions are given as unknowns, too.
-
-    Attributes
-    ----------
-    dofs : (n, 2) int
-        Local indices of the two components, ghosts included.
-    reference : (n, 2) float
-        Unknowns of the field that is the undeformed position, mm.
-    shift : (n, 2) float
-        Unknowns of the field that is 1 everywhere.
-    """
-
-    dofs: NDArray[np.int32]
-    reference: FloatArray
-    shift: FloatArray
+AT_ONCE = (1.0,)
+"""Load steps of a motion in one step."""
 
 
-class DrivenModel(Model):
-    """A `Model` whose held unknowns keep prescribed values instead of zero.
-
-    Attributes
-    ----------
-    prescribed : (n,) float
-        Values of all local unknowns; those of held ones count.
-    """
-
-    def __init__(self, *args: Any, **keywords: Any) -> None:
-        super().__init__(*args, **keywords)
-        self.prescribed = np.zeros_like(self.w.x.array)
-
-    def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """Residual in N/mm; held unknowns have their distance from the prescribed value."""
-        super().residual(x, f)
-        f.array[self.held] -= self.prescribed[self.held]
-
-    def body(self, regions: Sequence[str]) -> "Body":
-        """Return the displacement unknowns of regions (collective)."""
-        cells = np.flatnonzero(
-            np.isin(self.region_ids(), [self.section.regions[name] for name in regions])
-        )
-        dofs, reference, shift = [], [], []
-        for component in range(2):
-            space, parent = self.V.sub(0).sub(component).collapse()
-            position, one = fem.Function(space), fem.Function(space)
-            position.interpolate(lambda x, c=component: x[c])
-            one.interpolate(lambda x: np.ones(x.shape[1]))
-            own = np.unique(space.dofmap.list[cells])
-            dofs.append(np.asarray(parent, dtype=np.int32)[own])
-            reference.append(position.x.array[own])
-            shift.append(one.x.array[own])
-        return Body(*(np.stack(values, axis=1) for values in (dofs, reference, shift)))
-
-    def reaction(self, boundary: str) -> tuple[FloatArray, float]:
-        """Force and torque that hold a boundary, at the last residual (collective).
-
-        Parameters
-        ----------
-        boundary : str
-            "tibia_medullary" or "socket_outer".
-
-        Returns
-        -------
-        force, torque : (2,) float, float
-            N per mm, and N mm per mm about the origin at the deformed positions.
-        """
-        section = self.section
-        body = self.body(list(section.regions))
-        facets = section.facet_tags.find(section.boundaries[boundary])
-        held = fem.locate_dofs_topological(self.V.sub(0).sub(0), 1, facets)
-        owned = np.isin(body.dofs[:, 0], held[held < self.V.dofmap.index_map.size_local])
-        dofs = body.dofs[owned]
-        force = self._b.array_r[dofs]
-        position = body.reference[owned] + self.w.x.array[dofs]
-        torque = position[:, 0] @ force[:, 1] - position[:, 1] @ force[:, 0]
-        total = self.comm.allreduce(np.array([*force.sum(axis=0), torque]))
-        return total[:2], float(total[2])
-
-
-class Drive:
-    """Moves bodies of a `DrivenModel` step by step.
+class PrescribedMotion:
+    """Moves bodies of a problem at full load, motion by motion.
 
     Parameters
     ----------
-    model : DrivenModel
-        At its start.
+    problem : Problem
+        At its start; its load becomes 1.
+    control : LoadSteps or sequence of float
+        Steps of a motion, as shares of it.
+    on_step : callable, optional
+        As of `LoadStepper`.
 
     Attributes
     ----------
-    results : list of NewtonResult
-        How Newton's method ended, step by step.
+    stepper : LoadStepper
+        Its `steps` are those of all motions.
     """
 
-    def __init__(self, model: DrivenModel) -> None:
-        self.model = model
-        self.solver = Solver(model)
-        self.results: list[NewtonResult] = []
+    def __init__(
+        self,
+        problem: Problem,
+        control: LoadSteps | Sequence[float] = AT_ONCE,
+        on_step: Callable[[LoadStep], None] | None = None,
+    ) -> None:
+        self.problem = problem
+        problem.load = 1.0
+        self.stepper = LoadStepper(problem, control, on_step=on_step, full_steps_first=False)
+        self._control = control
+
+    @property
+    def x(self) -> PETSc.Vec:
+        """Unknowns of the last equilibrium, or where Newton's method starts."""
+        return self.stepper.newton.x
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of all motions so far."""
+        return sum(step.newton.iterations for step in self.stepper.steps)
 
     def move(
         self, regions: Sequence[str], angle: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         """Move regions as they are: turn about the origin by `angle` (rad), then shift (mm).
 
-        Where they are held they keep the new place; elsewhere it is where Newton's method starts.
+        Where they are constrained they keep the new place; elsewhere it is where Newton's method
+        starts.
         """
-        model, x = self.model, self.solver.x
-        model.set_unknowns(x)
-        body = model.body(regions)
+        problem, x = self.problem, self.x
+        problem.set_unknowns(x)
+        w, body = problem.w.x.array, problem.body(regions)
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[c, -s], [s, c]])
-        moved = (body.reference + model.w.x.array[body.dofs]) @ rotation.T - body.reference
-        model.w.x.array[body.dofs] = moved + body.shift * shift
-        model.prescribed[:] = model.w.x.array
-        x.array[:] = model.w.x.array[: len(x.array)]
+        moved = (body.reference + w[body.dofs]) @ rotation.T - body.reference
+        w[body.dofs] = moved + body.shift * shift
+        self._keep_place()
+
+    def _keep_place(self) -> None:
+        """Prescribe the present displacements, and start from them."""
+        w = self.problem.w.x.array
+        self.problem.prescribed[:] = w
+        self.x.array[:] = w[: len(self.x.array)]
 
     def solve(self) -> NewtonResult:
-        """Find the equilibrium from the present start (collective).
+        """Find the equilibrium from the present start; slip counts from where it did (collective).
 
         Raises
         ------
-        SolveError
+        ConvergenceError
             If there is none.
         """
-        result = self.solver.solve()
-        self.results.append(result)
-        if not result.converged:
-            raise SolveError(f"no equilibrium: {result.reason}, {result.residual:.2g} N/mm")
-        return result
+        stepper = self.stepper
+        steps = tuple(stepper.steps)
+        stepper.control = AT_ONCE
+        stepper.run(advance=lambda before, after: None)
+        stepper.steps = [*steps, *stepper.steps]
+        return stepper.steps[-1].newton
 
     def step(
-        self, regions: Sequence[str], angle: float = 0.0, shift: tuple[float, float] = (0.0, 0.0)
+        self,
+        regions: Sequence[str],
+        angle: float = 0.0,
+        shift: tuple[float, float] = (0.0, 0.0),
+        start: PETSc.Vec | None = None,
     ) -> NewtonResult:
-        """Count slip from the present state, move and solve (collective)."""
-        self.model.set_unknowns(self.solver.x)
-        self.model.contact.accept()
-        self.move(regions, angle, shift)
-        return self.solve()
+        """Count slip from the present state, move and solve (collective).
+
+        Parameters
+        ----------
+        regions, angle, shift
+            As of `move`; each step of the control takes its share.
+        start : PETSc.Vec, optional
+            Where Newton's method starts, in one step.
+
+        Raises
+        ------
+        ConvergenceError
+            If there is no equilibrium on the way; all is then as after the last one.
+        """
+        problem, stepper = self.problem, self.stepper
+
+        def advance(before: float, after: float) -> None:
+            share = after - before
+            if share == 0.0:
+                problem.prescribed[:] = problem.w.x.array
+                return
+            self.move(regions, share * angle, (share * shift[0], share * shift[1]))
+            if start is not None:
+                start.copy(self.x)
+
+        stepper.control = AT_ONCE if start is not None else self._control
+        first = stepper.control.first if isinstance(stepper.control, LoadSteps) else 1.0
+        here, steps = self.x, tuple(stepper.steps)
+        stepper.run(Milestone(0.0, 0.0, first, here, here, problem.slip_history, steps), advance)
+        return stepper.steps[-1].newton

@@ -1,7 +1,7 @@
-"""A case made discrete: mesh, spaces, tissues and contact, as residual and tangent."""
+"""Bodies in equilibrium: mesh, laws, constraints, loads and contact, as residual and tangent."""
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import ufl
@@ -10,23 +10,22 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from calfsocket.contact.interface import ContactInterface
-from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.forms import mixed
+from calfsocket.contact.interface import ContactInterface, ContactPair
+from calfsocket.contact.nitsche import ContactState
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
-from calfsocket.io.errors import InputError
-from calfsocket.materials.fields import LawFields, kind
+from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
+from calfsocket.mechanics.bodies import Body
 from calfsocket.mechanics.condensation import CondensedTangent
+from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
+from calfsocket.mechanics.foundation import Foundation, FoundationTerm
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
-from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 
-SocketSupport = Literal["floating", "outer-fixed"]
-
-SUPPORT_STIFFNESS = 1e-7
-"""Bedding of a floating socket in N/mm^3, only where there is no friction to stop it turning."""
+FloatArray = NDArray[np.float64]
+Load = Callable[[Any], ufl.Form]
+"""Makes the form of an external load, N/mm, from the test function of the displacement."""
 
 TISSUE_RESIDUAL = PETSc.Log.Event("TissueResidual")
 
@@ -36,91 +35,136 @@ LARGEST_BULK_RATIO = 1e3
 It is exact at any ratio; the condensed matrix then has stiffnesses of this ratio side by side."""
 
 
-class Model:
-    """Residual and tangent of limb, socket and their contact, in PETSc's terms.
+class Problem:
+    """Residual and tangent of bodies with laws, constraints and loads, in PETSc's terms.
 
     Parameters
     ----------
     section : SectionMesh
-        Limb and socket in one mesh, distributed over a communicator. The limb is held at the
-        boundary "tibia_medullary"; one named "sides" cannot move in x.
-    region_laws : mapping of region name to law
-        The law of each region, "socket" among them.
-    contact : ContactParameters
-        Friction and Nitsche stiffness.
-    socket_support : {"floating", "outer-fixed"}
-        Whether the socket rests on the limb alone, or is held at its outer face.
+        The bodies in one mesh, distributed over a communicator.
+    laws : mapping of region name to law
+        The law of each region.
+    constraints : sequence of Constraint
+        What is prescribed on boundaries; where two of them meet the first one counts.
+    loads : sequence of callable
+        External loads at full load, which grow in proportion to it.
+    contact : ContactPair, optional
+        Boundaries that may touch.
+    foundation : Foundation, optional
+        An elastic foundation.
 
     Attributes
     ----------
+    V : fem.FunctionSpace
+        Space of `forms.element.section_element`.
     w : fem.Function
         Displacement (mm) and scaled pressure.
-    contact : ContactInterface
-        The contact pair; its `load` is the load of the model.
-    held : (n,) int
-        Owned unknowns that are fixed at zero.
-    bedding, anchor : fem.Function
-        Where there is a bedding: its stiffness in each cell, N/mm^3, and the displacement at which
-        it is at rest.
-    interface : type of ContactInterface
-        How the overclosure is released; `ContactInterface` itself closes the gaps in proportion.
+    fields : LawFields
+        Parameters of the laws, and where each kind of law is.
+    constrained : (n,) int
+        Owned unknowns that are constrained.
+    prescribed : (n,) float
+        Values of all local unknowns at full load; those of constrained ones count.
+    foundation : FoundationTerm or None
+        The foundation.
     """
-
-    bedding: fem.Function
-    anchor: fem.Function
-    interface: ClassVar[type[ContactInterface]] = ContactInterface
 
     def __init__(
         self,
         section: SectionMesh,
-        region_laws: Mapping[str, Law],
-        contact: ContactParameters | None = None,
-        socket_support: SocketSupport = "floating",
+        laws: Mapping[str, Law],
+        constraints: Sequence[Constraint] = (),
+        loads: Sequence[Load] = (),
+        contact: ContactPair | None = None,
+        foundation: Foundation | None = None,
     ) -> None:
-        contact = contact or ContactParameters()
         self.section = section
-        self.region_laws = dict(region_laws)
+        self.region_laws = dict(laws)
         domain = section.mesh
         self.comm: MPI.Comm = domain.comm
         self.V = fem.functionspace(domain, section_element())
         self.w = fem.Function(self.V, name="displacement_and_pressure")
-        self.fields = LawFields(domain, section.cell_tags, section.regions, region_laws)
-        frictionless = socket_support == "floating" and contact.fric_coeff == 0.0
-        stiffness = self.bedding_stiffness(frictionless)
-        bedding = None
-        if stiffness:
-            self.bedding = self._by_region(stiffness)
-            self.anchor = fem.Function(self.V)
-            bedding = self.bedding, self.anchor
-        self._tissues = CellLoops(self.w, self.fields, bedding)
-        self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
-        held: dict[str, tuple[int, ...]] = {tags.TIBIA_MEDULLARY: (0, 1)}
-        if socket_support == "outer-fixed":
-            held[tags.SOCKET_OUTER] = (0, 1)
-        if tags.SIDES in section.boundaries:
-            held[tags.SIDES] = (0,)
-        self._fix(held)
-        self.contact = self.interface(
+        self.fields = LawFields(domain, section.cell_tags, section.regions, laws)
+        self.foundation = FoundationTerm(foundation, section, self.V) if foundation else None
+        self._tissues = CellLoops(
             self.w,
-            self._skin_material(),
-            section.facet_tags,
-            section.boundaries[tags.SKIN_SURFACE],
-            section.boundaries[tags.SOCKET_INNER],
-            contact,
+            self.fields,
+            (self.foundation.stiffness, self.foundation.anchor) if self.foundation else None,
         )
+        self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        self._constrained, self.prescribed = constrained_unknowns(self.V, section, constraints)
+        self.constrained = np.flatnonzero(self._constrained[: self.V.dofmap.index_map.size_local])
+        self._has_values = any(constraint.values is not None for constraint in constraints)
+        self._external = self._assemble_loads(loads)
+        self._contact = contact.bind(self.w, section, laws, self.fields) if contact else None
+        self._load = 0.0
 
-    def set_laws(self, region_laws: Mapping[str, Law]) -> None:
-        """Change the parameters of regions' laws; nothing is compiled again.
+    @property
+    def contact(self) -> ContactInterface:
+        """Contact between the bodies.
+
+        Raises
+        ------
+        ValueError
+            If the problem has none.
+        """
+        if self._contact is None:
+            raise ValueError("the problem has no contact")
+        return self._contact
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether bodies may touch."""
+        return self._contact is not None
+
+    @property
+    def load(self) -> float:
+        """Share of all that grows with the load, 0 to 1."""
+        return self._load
+
+    @load.setter
+    def load(self, load: float) -> None:
+        self._load = load
+        if self._contact is not None:
+            self._contact.load = load
+        if self.foundation is not None:
+            self.foundation.set_load(load)
+
+    def set_laws(self, laws: Mapping[str, Law]) -> None:
+        """Give regions other parameters of the laws that they have; nothing is compiled again.
 
         Raises
         ------
         ValueError
             If a region would change its kind of law.
         """
-        self.fields.set_laws(region_laws)
-        self.region_laws = {**self.region_laws, **region_laws}  # who has the old ones keeps them
+        self.fields.set_laws(laws)
+        # A new mapping: callers keep the earlier one to go back to it.
+        self.region_laws = {**self.region_laws, **laws}
 
-    # -- for the solver -------------------------------------------------------------------------
+    # -- history of friction --------------------------------------------------------------------
+
+    @property
+    def slip_history(self) -> FloatArray:
+        """Place from which the slip of each skin point counts, mm; empty without contact."""
+        return np.zeros(0) if self._contact is None else self._contact.converged_arc
+
+    @slip_history.setter
+    def slip_history(self, arc: FloatArray) -> None:
+        if self._contact is not None:
+            self._contact.converged_arc = arc
+
+    def accept(self) -> None:
+        """Take the slip so far as done; tractions stay what they are (collective)."""
+        if self._contact is not None:
+            self._contact.accept()
+
+    def revert(self) -> None:
+        """Take the last `accept` back."""
+        if self._contact is not None:
+            self._contact.revert()
+
+    # -- for Newton's method --------------------------------------------------------------------
 
     def create_vector(self) -> PETSc.Vec:
         """Return a vector of unknowns, zero, without ghosts (collective)."""
@@ -141,7 +185,8 @@ class Model:
             self._tissues,
             self._constrained,
             self._keeps_constant(),
-            self.contact,
+            self._contact,
+            self._has_values,
         )
         return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
 
@@ -154,7 +199,7 @@ class Model:
         return np.asarray(stiff)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        """Residual in N/mm; fixed unknowns have their own value instead (collective).
+        """Residual in N/mm; constrained unknowns have their distance from their value (collective).
 
         Newton's method may overshoot to unknowns that are not finite; the residual is not either,
         then, which the line search understands.
@@ -164,15 +209,15 @@ class Model:
             return
         self._assemble_residual(x)
         self._b.copy(f)
-        held = self.held
-        f.array[held] = x.array_r[held]
+        at = self.constrained
+        f.array[at] = x.array_r[at] - self._load * self.prescribed[at]
 
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
         self.set_unknowns(x)
         condensed = A.getPythonContext()
         condensed.keep(self._keeps_constant())
-        condensed.assemble(self.contact.tangent())
+        condensed.assemble(self._contact.tangent() if self._contact is not None else None)
         A.assemble()
 
     def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
@@ -180,7 +225,9 @@ class Model:
         self.set_unknowns(x)
         condensed = A.getPythonContext()
         condensed.keep(self._keeps_constant())
-        condensed.assemble(self.contact.constraint_tangent())
+        condensed.assemble(
+            self._contact.constraint_tangent() if self._contact is not None else None
+        )
         pressures = 3 * self.section.mesh.topology.index_map(2).size_global
         return condensed.matrix, pressures - condensed.negative_inside()
 
@@ -192,26 +239,51 @@ class Model:
 
     # -- what a converged state shows -----------------------------------------------------------
 
-    def force_balance(self, x: PETSc.Vec) -> tuple[float, float]:
-        """Compare the contact force on the skin with the reaction of the tibia (collective).
+    def body(self, regions: Sequence[str] | None = None) -> Body:
+        """Return the displacement unknowns of regions, or of all (collective)."""
+        return Body.of(self.V, self.section, list(self.section.regions if not regions else regions))
+
+    def reaction(self, boundary: str) -> tuple[FloatArray, float]:
+        """Force and torque that hold a constrained boundary, at the last residual (collective).
+
+        Returns
+        -------
+        force, torque : (2,) float, float
+            N per mm, and N mm per mm about the origin at the deformed positions.
+        """
+        section = self.section
+        body = self.body()
+        facets = section.facet_tags.find(section.boundaries[boundary])
+        there = fem.locate_dofs_topological(self.V.sub(0).sub(0), 1, facets)
+        owned = np.isin(body.dofs[:, 0], there[there < self.V.dofmap.index_map.size_local])
+        dofs = body.dofs[owned]
+        # The residual at a constrained unknown is the force that holds it.
+        force = self._b.array_r[dofs]
+        position = body.reference[owned] + self.w.x.array[dofs]
+        torque = position[:, 0] @ force[:, 1] - position[:, 1] @ force[:, 0]
+        total = self.comm.allreduce(np.array([*force.sum(axis=0), torque]))
+        return total[:2], float(total[2])
+
+    def force_balance(self, x: PETSc.Vec, boundary: str) -> tuple[float, float]:
+        """Compare the contact force on the skin with the reaction of what holds it (collective).
+
+        Parameters
+        ----------
+        x : PETSc.Vec
+            The equilibrium.
+        boundary : str
+            Constrained boundary that holds the body of the skin.
 
         Returns
         -------
         imbalance, pressing : float
-            |contact force on the skin + reaction at the medullary boundary| and the integral of the
-            contact pressure over the skin, both in N per mm of limb length.
+            |contact force on the skin + reaction at the boundary| and the integral of the contact
+            pressure over the skin, both in N per mm of limb length.
         """
         state = self._assemble_residual(x)
-        at, law = state.projection, state.traction
-        traction = law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
-        weight = self.contact.points.weight
-        local = np.concatenate([weight @ traction, [weight @ law.pressure], np.zeros(2)])
-        b = self._b.array_r
-        for component in range(2):
-            # The residual at a held unknown is the force that holds it.
-            local[3 + component] = b[self._tibia_owned[component]].sum()
-        total = self.comm.allreduce(local)
-        return float(np.linalg.norm(total[:2] + total[3:])), float(total[2])
+        assert state is not None
+        force, pressing = self.contact.force(state)
+        return float(np.linalg.norm(force + self.reaction(boundary)[0])), pressing
 
     def smallest_volume_ratio(self) -> tuple[float, str]:
         """Smallest J = det F of all quadrature points and the region it is in (collective)."""
@@ -228,82 +300,39 @@ class Model:
         residual = fem.Function(self.V)
         owned = len(self._b.array_r)
         residual.x.array[:owned] = np.abs(np.nan_to_num(self._b.array_r, nan=np.inf))
-        residual.x.array[self.held] = 0.0
+        residual.x.array[self.constrained] = 0.0
         residual.x.scatter_forward()
         cells = self.section.mesh.topology.index_map(2).size_local
         in_cell = residual.x.array[self.V.dofmap.list[:cells]].max(axis=1, initial=0.0)
         return self._smallest_by_region(-in_cell)[1]
 
-    def _smallest_by_region(self, cell_values: NDArray[np.float64]) -> tuple[float, str]:
+    def _smallest_by_region(self, cell_values: FloatArray) -> tuple[float, str]:
         """Smallest of a value per owned cell, and the region that it is in (collective)."""
         mine = (np.inf, 0)
         if len(cell_values):
             cell = int(np.argmin(cell_values))
-            mine = (float(cell_values[cell]), int(self.region_ids()[cell]))
+            mine = (float(cell_values[cell]), int(self.section.cell_regions()[cell]))
         value, region = min(self.comm.allgather(mine))
         return value, {tag: name for name, tag in self.section.regions.items()}[region]
 
     # -- assembly -------------------------------------------------------------------------------
 
-    def _assemble_residual(self, x: PETSc.Vec) -> Any:
+    def _assemble_residual(self, x: PETSc.Vec) -> ContactState | None:
         self.set_unknowns(x)
         with TISSUE_RESIDUAL:
             with self._b.localForm() as local:
                 local.set(0.0)
                 self._tissues.add_residuals(local.array_w)
             self._b.ghostUpdate(PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
-        return self.contact.add_residual(self._b)
+        if self._external is not None:
+            self._b.array[:] -= self._load * self._external
+        return self._contact.add_residual(self._b) if self._contact is not None else None
 
-    def _fix(self, boundaries: Mapping[str, tuple[int, ...]]) -> None:
-        """Hold components of the displacement on boundaries at zero."""
-        section = self.section
-        owned = self.V.dofmap.index_map.size_local
-        self._constrained = np.zeros_like(self.w.x.array, dtype=bool)
-        self._tibia_owned = []
-        for name, components in boundaries.items():
-            facets = section.facet_tags.find(section.boundaries[name])
-            for component in components:
-                space = self.V.sub(0).sub(component)
-                dofs = fem.locate_dofs_topological(space, 1, facets)
-                self._constrained[dofs] = True
-                if name == tags.TIBIA_MEDULLARY:
-                    self._tibia_owned.append(dofs[dofs < owned])
-        self.held = np.flatnonzero(self._constrained[:owned])
-
-    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
-        """Stiffness in N/mm^3 of a bedding by region; none where a region is not named.
-
-        Parameters
-        ----------
-        frictionless : bool
-            Whether nothing else stops a floating socket from turning.
-        """
-        return {tags.SOCKET: SUPPORT_STIFFNESS} if frictionless else {}
-
-    def _by_region(self, values: Mapping[str, float]) -> fem.Function:
-        function = fem.Function(fem.functionspace(self.section.mesh, ("DG", 0)))
-        for name, value in values.items():
-            function.x.array[self.section.cell_tags.find(self.section.regions[name])] = value
-        return function
-
-    def region_ids(self) -> NDArray[np.int32]:
-        """Region tag of each local cell, ghosts included."""
-        cells = self.section.cell_tags
-        regions = np.zeros(len(cells.indices), dtype=np.int32)
-        regions[cells.indices] = cells.values
-        return regions
-
-    def _skin_material(self) -> mixed.Material:
-        """Material of the cells on the skin's surface, the same on every rank."""
-        section = self.section
-        section.mesh.topology.create_connectivity(1, 2)
-        facet_to_cell = section.mesh.topology.connectivity(1, 2)
-        regions = self.region_ids()
-        facets = section.facet_tags.find(section.boundaries[tags.SKIN_SURFACE])
-        mine = {int(regions[facet_to_cell.links(facet)[0]]) for facet in facets}
-        names = {tag: name for name, tag in section.regions.items()}
-        there = {names[tag] for part in self.comm.allgather(mine) for tag in part}
-        if len({kind(self.region_laws[name]) for name in there}) != 1:
-            laws = sorted({self.region_laws[name].name for name in there})
-            raise InputError(f"skin surface: laws {laws} meet there; one is allowed")
-        return self.fields.of_region(there.pop())
+    def _assemble_loads(self, loads: Sequence[Load]) -> FloatArray | None:
+        """Assemble the forces of all loads at the owned unknowns, N/mm (collective)."""
+        if not loads:
+            return None
+        v = ufl.TestFunctions(self.V)[0]
+        total = fem.assemble_vector(fem.form(sum(load(v) for load in loads)))
+        total.scatter_reverse(la.InsertMode.add)
+        return np.array(total.array[: self.V.dofmap.index_map.size_local])

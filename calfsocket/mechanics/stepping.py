@@ -1,21 +1,25 @@
-"""Load steps: release the overclosure little by little; grow, cut back, predict."""
+"""Load steps: raise the load of a problem little by little; grow, cut back, extrapolate."""
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from numpy.typing import NDArray
 from petsc4py import PETSc
+from pydantic import Field, model_validator
 
-from calfsocket.io.errors import SolveError
-from calfsocket.mechanics.newton import NewtonResult, Solver
-from calfsocket.mechanics.problem import Model
+from calfsocket.io.errors import ConvergenceError
+from calfsocket.io.schema import Strict
+from calfsocket.mechanics.newton import Newton, NewtonResult
+from calfsocket.mechanics.problem import Problem
+
+Number = Annotated[float, Field(strict=True)]
+Share = Annotated[Number, Field(gt=0, le=1)]
 
 
-@dataclass(frozen=True)
-class StepControl:
+class LoadSteps(Strict):
     """How the load grows from 0 to 1.
 
     Attributes
@@ -26,24 +30,42 @@ class StepControl:
         Largest step. Long steps may carry a socket on a stiff fascia past the point where the
         fascia buckles, to an unstable equilibrium that Newton's method does not notice.
     smallest : float
-        A step that fails at this size ends the run.
+        A step that fails at this size ends the run; smallest <= first <= largest.
     growth : float
-        Factor on the step when Newton needed at most `few_iterations`.
+        Factor on the step when Newton needed at most `few_iterations`, >= 1.
     few_iterations : int
         See `growth`.
     cutback : float
-        Factor on the step after a failure.
-    predict : bool
-        Start Newton from the secant through the last two states.
+        Factor on the step after a failure, between 0 and 1.
+    extrapolate : bool, optional
+        Start Newton from the secant through the last two states. By default, simulations do so with
+        material sets whose muscle and fascia are combined: nothing buckles there, the path is
+        smooth, and it saves half of the iterations. A separate, stiff fascia waves in the soft
+        muscle, and a start ahead of the friction may end on another branch (TC Separate, coarse:
+        0.5 % less contact pressure).
+
+    Raises
+    ------
+    InputError
+        For a number outside its range.
     """
 
-    first: float = 0.1
-    largest: float = 0.25
-    smallest: float = 1e-3
-    growth: float = 1.5
-    few_iterations: int = 5
-    cutback: float = 0.4
-    predict: bool = False
+    first: Share = 0.1
+    largest: Share = 0.25
+    smallest: Share = 1e-3
+    growth: Annotated[Number, Field(ge=1)] = 1.5
+    few_iterations: Annotated[int, Field(strict=True, ge=0)] = 5
+    cutback: Annotated[Number, Field(gt=0, lt=1)] = 0.4
+    extrapolate: Annotated[bool, Field(strict=True)] | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "LoadSteps":
+        if not self.smallest <= self.first <= self.largest:
+            raise ValueError(
+                f"smallest {self.smallest:g}, first {self.first:g} and largest {self.largest:g} "
+                "must not fall in this order"
+            )
+        return self
 
 
 @dataclass(frozen=True)
@@ -70,7 +92,7 @@ class LoadStep:
 
 @dataclass(frozen=True)
 class Milestone:
-    """All that a run needs to go on from its last equilibrium as if it had never stopped.
+    """All that a run needs to continue from its last equilibrium as if it had never stopped.
 
     Attributes
     ----------
@@ -81,7 +103,7 @@ class Milestone:
     unknowns, unknowns_before : PETSc.Vec
         The two equilibria.
     converged_arc : (n,)
-        Slip history of the last one: `ContactInterface.converged_arc` that it was found with.
+        Slip history of the last one: `Problem.slip_history` that it was found with.
     steps : tuple of LoadStep
         Steps so far.
     """
@@ -95,110 +117,159 @@ class Milestone:
     steps: tuple[LoadStep, ...] = ()
 
 
-class Stepper:
-    """Bring a model from load 0 to load 1.
+Advance = Callable[[float, float], None]
+"""Changes a problem, and where Newton's method starts, from one load to another; from a load to
+itself it restores what belongs to that load."""
+
+
+class LoadStepper:
+    """Bring a problem from load 0 to load 1.
 
     Parameters
     ----------
-    model : Model
+    problem : Problem
         At load 0.
-    control : StepControl
-        Step sizes.
+    control : LoadSteps or sequence of float
+        Step sizes; or the loads themselves, the last of them 1: then the first step that fails ends
+        the run.
     on_iteration : callable, optional
         Called with load, iteration and residual norm (N/mm), on every rank.
     on_step : callable, optional
         Called with each `LoadStep`, converged or not, on every rank.
     on_milestone : callable, optional
-        Called with each `Milestone` on every rank; its vectors change when the run goes on.
+        Called with each `Milestone` on every rank; its vectors change when the run continues.
+    full_steps_first : bool
+        As of `Newton`.
+
+    Attributes
+    ----------
+    newton : Newton
+        Newton's method; its `x` holds the last equilibrium.
+    steps : list of LoadStep
+        Steps so far, failed ones too.
     """
 
     def __init__(
         self,
-        model: Model,
-        control: StepControl,
+        problem: Problem,
+        control: LoadSteps | Sequence[float],
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
         on_milestone: Callable[[Milestone], None] | None = None,
+        full_steps_first: bool = True,
     ) -> None:
-        self.model = model
+        self.problem = problem
         self.control = control
         self.steps: list[LoadStep] = []
         self._on_iteration = on_iteration
         self._on_step = on_step
-        self._on_milestone = on_milestone
-        self.solver = Solver(model, self._monitor, full_steps_first=True)
+        self.on_milestone = on_milestone
+        self._target = 0.0
+        self.newton = Newton(problem, self._monitor, full_steps_first)
 
-    def run(self, start: Milestone | None = None) -> None:
+    def run(self, start: Milestone | None = None, advance: Advance | None = None) -> None:
         """Raise the load to 1 (collective).
 
         Parameters
         ----------
         start : Milestone, optional
-            Where an earlier run of the same model had come to; load 0 without.
+            An equilibrium of the same problem to continue from; the unloaded state without.
+        advance : callable, optional
+            Takes the problem to another load; sets `Problem.load` unless given.
 
         Raises
         ------
-        SolveError
-            When a step fails at the smallest size. The model then holds the last converged state.
+        ConvergenceError
+            When a step fails at the smallest size. The problem then holds the last converged state.
         """
-        control, contact, x = self.control, self.model.contact, self.solver.x
-        start = start or Milestone(0.0, 0.0, control.first, x, x, contact.converged_arc)
-        load, load_before, step = start.load, start.load_before, start.next_step
-        converged, before = start.unknowns.copy(), start.unknowns_before.copy()
+        problem, x = self.problem, self.newton.x
+        advance = advance or self._set_load
+        begin = start or Milestone(0.0, 0.0, self._first(), x, x, problem.slip_history)
+        load, load_before, step = begin.load, begin.load_before, begin.next_step
+        converged, before = begin.unknowns.copy(), begin.unknowns_before.copy()
         converged.copy(x)
-        self.model.set_unknowns(x)
-        contact.load, contact.converged_arc = load, start.converged_arc
-        self.steps = list(start.steps)
-        accepted = 0.0
+        problem.set_unknowns(x)
+        advance(load, load)
+        problem.slip_history = begin.converged_arc
+        self.steps = list(begin.steps)
+        found = start is not None  # an equilibrium, whose slip is not accepted yet
         while load < 1.0:
-            # Even steps to the end rather than a tiny last one.
-            remaining = math.ceil((1.0 - load) / step - 1e-9)
-            target = load + (1.0 - load) / remaining if remaining > 1 else 1.0
+            target = self._next(load, step)
             # Slip counts from the last converged state; accepting it only now leaves a finished run
             # with the tractions that its equilibrium was found with.
-            if load > accepted:
-                contact.accept()
-                accepted = load
-            if control.predict and load > 0:
+            if found:
+                problem.accept()
+                found = False
+            if self._extrapolates and load > 0:
                 ahead = (target - load) / (load - load_before)
                 x.axpy(ahead, converged)
                 x.axpy(-ahead, before)
+            advance(load, target)
             result = self._take(target)
             if result.converged:
                 converged.copy(before)
                 x.copy(converged)
-                load_before, load = load, target
-                if result.iterations <= control.few_iterations:
-                    step = min(control.growth * step, control.largest)
-                self._mark(
-                    Milestone(
-                        load,
-                        load_before,
-                        step,
-                        converged,
-                        before,
-                        contact.converged_arc,
-                        tuple(self.steps),
+                load_before, load, found = load, target, True
+                step = self._grown(step, result)
+                if self.on_milestone is not None:
+                    arc, steps = problem.slip_history, tuple(self.steps)
+                    self.on_milestone(
+                        Milestone(load, load_before, step, converged, before, arc, steps)
                     )
-                )
                 continue
             if not math.isfinite(x.norm()):
                 converged.copy(x)
-            region = self.model.least_balanced_region(x)
+            region = problem.least_balanced_region(x)
             converged.copy(x)
-            self.model.set_unknowns(x)
-            contact.load = load
-            step = control.cutback * (target - load)
-            if step < control.smallest:
-                if load > 0:
-                    contact.revert()  # to the history with which this state was found
-                raise SolveError(_failure(load, target, result, region))
+            problem.set_unknowns(x)
+            advance(load, load)
+            smaller = self._cut_back(target - load)
+            if smaller is None:
+                if load > 0 or start is not None:
+                    problem.revert()  # to the history with which this state was found
+                raise ConvergenceError(_failure(load, target, result, region))
+            step = smaller
+
+    # -- step sizes -----------------------------------------------------------------------------
+
+    @property
+    def _extrapolates(self) -> bool:
+        return isinstance(self.control, LoadSteps) and bool(self.control.extrapolate)
+
+    def _first(self) -> float:
+        return self.control.first if isinstance(self.control, LoadSteps) else 1.0
+
+    def _next(self, load: float, step: float) -> float:
+        """Return the load that comes next."""
+        if not isinstance(self.control, LoadSteps):
+            return next(target for target in self.control if target > load)
+        # Even steps to the end rather than a tiny last one.
+        remaining = math.ceil((1.0 - load) / step - 1e-9)
+        return load + (1.0 - load) / remaining if remaining > 1 else 1.0
+
+    def _grown(self, step: float, result: NewtonResult) -> float:
+        control = self.control
+        if isinstance(control, LoadSteps) and result.iterations <= control.few_iterations:
+            return min(control.growth * step, control.largest)
+        return step
+
+    def _cut_back(self, step: float) -> float | None:
+        """Return the step to try after one that failed, or None to give up."""
+        if not isinstance(self.control, LoadSteps):
+            return None
+        smaller = self.control.cutback * step
+        return smaller if smaller >= self.control.smallest else None
+
+    # -- one step -------------------------------------------------------------------------------
+
+    def _set_load(self, _before: float, load: float) -> None:
+        self.problem.load = load
 
     def _take(self, target: float) -> NewtonResult:
         start = time.perf_counter()
-        self.model.contact.load = target
+        self._target = target
         try:
-            result = self.solver.solve()
+            result = self.newton.solve()
         except PETSc.Error as error:
             # What Python raised in a callback, Ctrl-C among it, arrives wrapped in PETSc's.
             raise error.__cause__ or error from None
@@ -208,13 +279,9 @@ class Stepper:
             self._on_step(step)
         return result
 
-    def _mark(self, milestone: Milestone) -> None:
-        if self._on_milestone is not None:
-            self._on_milestone(milestone)
-
     def _monitor(self, iteration: int, residual: float) -> None:
         if self._on_iteration is not None:
-            self._on_iteration(self.model.contact.load, iteration, residual)
+            self._on_iteration(self._target, iteration, residual)
 
 
 def _failure(load: float, target: float, result: NewtonResult, region: str) -> str:

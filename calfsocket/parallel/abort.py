@@ -1,4 +1,4 @@
-"""How the ranks of a program end together, with one message, when they cannot go on."""
+"""Ends all ranks of a program together, with one message, when some of them cannot continue."""
 
 import signal
 import sys
@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_AT_AN_END, _SPEAKING = 72, 73
-"""Tags of the messages by which ranks that cannot go on hear of each other."""
+_FAILED, _REPORTING = 72, 73
+"""Tags of the messages by which failed ranks learn of each other."""
 
 PATIENCE_S = 5.0
-"""How long a rank that cannot go on waits for the others to say so too."""
+"""How long a failed rank waits for the others to report the same failure."""
 
-HEARING_S = 0.5
-"""How long such a rank listens for another that may speak instead; mpirun kills after a second."""
+LISTENING_S = 0.5
+"""How long a failed rank lets another print the message instead; mpirun kills after a second."""
 
 
 class Terminated(KeyboardInterrupt):
-    """The process was asked to end by SIGTERM, as by mpirun after Ctrl-C, or by a batch system."""
+    """SIGTERM asked the process to end: mpirun sends it after Ctrl-C, and batch systems do."""
 
 
-def heed_termination() -> None:
-    """End on SIGTERM as on Ctrl-C: files that are being written are taken back."""
+def handle_termination() -> None:
+    """Make SIGTERM end the program as Ctrl-C does, so that no half-written file is left."""
 
     def terminate(number: int, frame: FrameType | None) -> None:
         raise Terminated
@@ -33,12 +33,12 @@ def heed_termination() -> None:
 
 
 def exit_code(interrupt: KeyboardInterrupt) -> int:
-    """Exit code of a program that a signal has ended, by the shell's custom."""
+    """Return the exit code that shells use for a program ended by this signal."""
     return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
 
 
-def all_are_here(comm: "MPI.Intracomm") -> bool:
-    """Whether all ranks of a communicator that serves nothing else come here within seconds."""
+def all_arrive(comm: "MPI.Intracomm") -> bool:
+    """Return whether all ranks call this within `PATIENCE_S`; `comm` must serve nothing else."""
     everyone = comm.Ibarrier()
     deadline = time.monotonic() + PATIENCE_S
     while not everyone.Test():
@@ -48,38 +48,38 @@ def all_are_here(comm: "MPI.Intracomm") -> bool:
     return True
 
 
-def end_all(comm: "MPI.Intracomm", message: str, code: int) -> NoReturn:
-    """End all ranks, which may wait for this one, with one message.
+def abort_all(comm: "MPI.Intracomm", message: str, code: int) -> NoReturn:
+    """Abort all ranks, which may be waiting for this one, and print one message.
 
-    Of several ranks that cannot go on at the same time, the first one speaks.
+    If several ranks fail at the same time, the lowest of them prints.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):  # from here on they end this rank in silence
+    for number in (signal.SIGINT, signal.SIGTERM):  # from now on they end this rank silently
         signal.signal(number, signal.SIG_DFL)
-    _tell_the_others(comm, _AT_AN_END)
-    if not _another_speaks(comm):
-        _tell_the_others(comm, _SPEAKING)
+    _notify_others(comm, _FAILED)
+    if not _another_reports(comm):
+        _notify_others(comm, _REPORTING)
         print(message, file=sys.stderr, flush=True)
-    # mpirun passes the message on before it ends the others; if it has asked for the end itself, it
-    # does so meanwhile in its own way.
-    time.sleep(HEARING_S)
+    # Gives mpirun the time to pass the message on; where it asked for the end itself, it ends the
+    # ranks meanwhile.
+    time.sleep(LISTENING_S)
     comm.Abort(code)
     raise SystemExit(code)
 
 
-def _tell_the_others(comm: "MPI.Intracomm", tag: int) -> None:
+def _notify_others(comm: "MPI.Intracomm", tag: int) -> None:
     for rank in range(comm.size):
         if rank != comm.rank:
             comm.Isend(b"", dest=rank, tag=tag)
 
 
-def _another_speaks(comm: "MPI.Intracomm") -> bool:
-    """Whether another rank has spoken, or a lower one is about to; it is given the time to."""
-    deadline = time.monotonic() + (HEARING_S if comm.rank > 0 else 0.0)
+def _another_reports(comm: "MPI.Intracomm") -> bool:
+    """Return whether another rank has printed, or a lower one is about to."""
+    deadline = time.monotonic() + (LISTENING_S if comm.rank > 0 else 0.0)
     while True:
-        if comm.iprobe(tag=_SPEAKING) or any(
-            comm.iprobe(source=rank, tag=_AT_AN_END) for rank in range(comm.rank)
+        if comm.iprobe(tag=_REPORTING) or any(
+            comm.iprobe(source=rank, tag=_FAILED) for rank in range(comm.rank)
         ):
-            time.sleep(2 * HEARING_S)
+            time.sleep(2 * LISTENING_S)
             return True
         if time.monotonic() >= deadline:
             return False

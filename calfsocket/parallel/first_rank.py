@@ -1,4 +1,4 @@
-"""Work of the first rank alone, such as writing a file."""
+"""Tasks of rank 0 alone, such as reading a file."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar, cast
@@ -13,14 +13,14 @@ Value = TypeVar("Value")
 
 
 def on_first_rank(comm: "MPI.Intracomm", task: Callable[[], Value]) -> Value:
-    """Do something on rank 0, such as reading a file, and give all ranks what it returns.
+    """Run a task on rank 0, such as reading a file, and return its value on all ranks.
 
     Collective.
 
     Raises
     ------
     InputError
-        On all ranks, where the task refuses the input.
+        On all ranks, if the task raises one.
     """
     value: Value | None = None
     refusal: InputError | None = None

@@ -1,4 +1,4 @@
-"""What a running study tells: one line a case on a terminal, log lines elsewhere."""
+"""Progress of a running study: one line a case on a terminal, log lines elsewhere."""
 
 import logging
 import time
@@ -14,7 +14,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened in a case.
+    """An event of a case.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Event:
     load : float or None
         Load of the case, 0 to 1; None where it does not matter.
     milestone : bool
-        Whether it is worth a log line of its own.
+        Whether it gets a line in a log.
     """
 
     case: str

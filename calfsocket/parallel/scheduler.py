@@ -12,8 +12,8 @@ from calfsocket.parallel.abort import PATIENCE_S
 _REPORT = 71
 
 
-class Farm:
-    """Split a communicator into groups and hand out case numbers.
+class Scheduler:
+    """Splits a communicator into groups of ranks and hands out case numbers.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Farm:
         Ranks of a group. By default one, since cases side by side are faster than one case on
         several ranks; more where there are more ranks than cases.
     on_report : callable, optional
-        Called on rank 0 of `comm` with each report of any group.
+        Called on rank 0 of `comm` with each message of any group.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Farm:
         return next(filter(None, self._agreement.allgather(failure)), "")
 
     def report(self, message: Any) -> None:
-        """Tell rank 0 of all, from any rank; a group's other ranks say nothing."""
+        """Send a message to rank 0 of all; only the first rank of each group does."""
         if self.group.rank != 0:
             return
         if self._comm.rank == 0:
@@ -111,12 +111,12 @@ class Farm:
             self._comm.send(message, dest=0, tag=_REPORT)
 
     def collect(self) -> None:
-        """Deliver the reports that wait on rank 0."""
+        """Deliver the messages that have arrived on rank 0."""
         while self._comm.iprobe(tag=_REPORT):
             self._deliver(self._comm.recv(tag=_REPORT))
 
     def finish(self) -> None:
-        """Wait for all groups, delivering their reports meanwhile (collective)."""
+        """Wait for all groups, delivering their messages meanwhile (collective)."""
         everyone = self._comm.Ibarrier()
         while not everyone.Test():
             if self._comm.rank == 0:

@@ -1,4 +1,4 @@
-"""A picture of one case, drawn from its result files alone.
+"""A picture of one case.
 
 The deformed section with the effective (Mises) stress of the soft tissues on the paper's scale,
 and around it the contact pressure on the skin.
@@ -7,12 +7,7 @@ and around it the contact pressure on the skin.
 from pathlib import Path
 
 import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
@@ -25,12 +20,11 @@ from calfsocket.io.files import replacing
 from calfsocket.plotting import pressure_band
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
+from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.quantities import cell_outcomes
-from calfsocket.postprocess.vtu import read_fields
+from calfsocket.postprocess.quantities import Quantities
 
 PICTURE_FILE = "picture.png"
-CONTACT_FILE = "contact.csv"
 
 STRESS_LIMIT_KPA = 10.0  # as the paper's figure 4
 PRESSURE_MM_PER_KPA = 0.4  # the same in every picture, so that pictures can be compared
@@ -40,41 +34,26 @@ PIXELS = 2100
 LONGEST_TITLE = 60  # letters; longer ones are written smaller
 
 
-def read_contact(folder: Path) -> pd.DataFrame:
-    """Read the contact of the case in `folder`.
-
-    Raises
-    ------
-    ValueError
-        When its contact.csv has no row.
-    """
-    contact = pd.read_csv(folder / CONTACT_FILE)
-    if contact.empty:
-        raise ValueError(f"{folder / CONTACT_FILE} has no row")
-    return contact
-
-
-def place_band(fields: SectionFields, contact: pd.DataFrame) -> PressureBand:
+def place_band(fields: SectionFields, contact: ContactLine) -> PressureBand:
     """Place the pressure outside the socket, so that it hides nothing."""
-    skin = contact[["x_mm", "y_mm"]].to_numpy()
+    skin = contact.points
     normal = outward_normals(skin)
     foot_mm = 1.5
     socket = fields.cells[drawing.cells_of(fields, "socket")]
     if len(socket):
         to_skin, _ = cKDTree(skin).query(drawing.deformed(fields)[np.unique(socket)])
         foot_mm += to_skin.max()
-    pressure = contact["pressure_kPa"].to_numpy()
-    return PressureBand(skin + foot_mm * normal, normal, pressure, PRESSURE_MM_PER_KPA)
+    return PressureBand(skin + foot_mm * normal, normal, contact.pressure_kPa, PRESSURE_MM_PER_KPA)
 
 
 def _shades() -> Colormap:
     return matplotlib.colormaps[drawing.STRESS_COLOURS].with_extremes(over=drawing.ABOVE)
 
 
-def _draw_section(axes: Axes, fields: SectionFields, window: drawing.Window) -> None:
+def _draw_section(axes: Axes, quantities: Quantities, window: drawing.Window) -> None:
+    fields, stress = quantities.fields, quantities.nodal["effective_stress"]
     points = drawing.deformed(fields)
     soft = drawing.cells_of(fields, *drawing.SOFT_TISSUES)
-    stress = cell_outcomes(fields).nodal["effective_stress"]
     axes.imshow(
         drawing.field_image(fields, stress, soft, window, PIXELS),
         extent=window,
@@ -121,20 +100,18 @@ def _draw_legend(figure: Figure) -> None:
     )
 
 
-def draw(folder: Path) -> Path:
-    """Draw the picture of the case in `folder` from its files; returns the picture's path."""
-    folder = Path(folder)
-    fields, contact = read_fields(folder), read_contact(folder)
-    band = place_band(fields, contact)
-    skin = contact[["x_mm", "y_mm"]].to_numpy()
+def draw(quantities: Quantities, contact: ContactLine, title: str) -> Figure:
+    """Draw a case: its deformed section, and the contact pressure around it."""
+    band = place_band(quantities.fields, contact)
+    skin = contact.points
     x, y = 0.5 * (skin.min(axis=0) + skin.max(axis=0))
     reach = np.abs(band.at(band.pressure_kPa) - (x, y)).max() + 10
     half = max(HALF_FRAME_MM, reach)
     window = (x - half, x + half, y - half, y + half)
 
-    figure = plt.figure(figsize=(7.0, 8.0), dpi=PIXELS / 7.0)
+    figure = Figure(figsize=(7.0, 8.0), dpi=PIXELS / 7.0)
     axes = figure.add_axes((0.0, 0.08, 1.0, 7.0 / 8.0))
-    _draw_section(axes, fields, window)
+    _draw_section(axes, quantities, window)
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)
     levels = [PRESSURE_STEP_KPA * k for k in range(1, int(highest / PRESSURE_STEP_KPA) + 1)]
     band.draw(axes, levels, fontsize=7)
@@ -142,14 +119,20 @@ def draw(folder: Path) -> Path:
     drawing.scale_bar(axes, window, fontsize=8)
     drawing.frame(axes, window)
     _draw_legend(figure)
-    socket, material_set = contact.socket.iloc[0], contact.material_set.iloc[0]
-    name = drawing.SOCKET_NAMES.get(socket)
-    title = f"{socket} socket" + (f" ({name})" if name else "")
-    text = f"{title}, {material_set} set"
-    fontsize = 13 * min(1.0, LONGEST_TITLE / len(text))
-    figure.text(0.5, 0.965, text, ha="center", fontsize=fontsize, parse_math=False)
-    path = folder / PICTURE_FILE
+    fontsize = 13 * min(1.0, LONGEST_TITLE / len(title))
+    figure.text(0.5, 0.965, title, ha="center", fontsize=fontsize, parse_math=False)
+    return figure
+
+
+def save(figure: Figure, folder: Path) -> Path:
+    """Write a picture into a case's folder; return its path."""
+    path = Path(folder) / PICTURE_FILE
     with replacing(path) as temporary:
         figure.savefig(temporary, facecolor="white")
-    plt.close(figure)
     return path
+
+
+def case_title(socket: str, material_set: str) -> str:
+    """Return the title of a case's picture."""
+    name = drawing.SOCKET_NAMES.get(socket)
+    return f"{socket} socket{f' ({name})' if name else ''}, {material_set} set"

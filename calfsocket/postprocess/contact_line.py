@@ -1,12 +1,16 @@
 """The contact along the skin: pressure, friction and gap at the skin's quadrature points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STATUS_NAMES
+
+RUNNING_MEAN_MM = 3.0
+"""Window of the running mean of contact pressure, which drops single spikes."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,9 @@ class ContactLine:
     gap_mm
         Normal gap, mm, >= 0 open.
     weight_mm
-        Reference length that each point stands for, mm; they add up to circumference_mm.
+        Reference length that each point stands for, mm; they add up to that of the outline.
     status
         "open", "stick" or "slip".
-    circumference_mm
-        Reference length of the whole outline, mm.
     """
 
     arc_mm: NDArray[np.float64]
@@ -44,20 +46,10 @@ class ContactLine:
     gap_mm: NDArray[np.float64]
     weight_mm: NDArray[np.float64]
     status: NDArray[np.str_]
-    circumference_mm: float
 
     def __post_init__(self) -> None:
         n = len(self.arc_mm)
-        for name in (
-            "arc_mm",
-            "angle_deg",
-            "x_mm",
-            "y_mm",
-            "pressure_kPa",
-            "shear_kPa",
-            "gap_mm",
-            "weight_mm",
-        ):
+        for name in COLUMNS[:-1]:
             if getattr(self, name).shape != (n,):
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}, not {(n,)}")
             if not np.isfinite(getattr(self, name)).all():
@@ -68,25 +60,51 @@ class ContactLine:
             raise ValueError("arc_mm does not increase: sort the points by arc length")
         if self.weight_mm.min() <= 0:
             raise ValueError("weight_mm has a value that is not positive")
-        if not np.isclose(self.weight_mm.sum(), self.circumference_mm, rtol=1e-3):
-            raise ValueError(
-                f"weight_mm adds up to {self.weight_mm.sum():.6g} mm, "
-                f"circumference_mm is {self.circumference_mm:.6g} mm"
-            )
 
-    def rows(self, socket: str, material_set: str) -> pd.DataFrame:
-        """Rows of contact.csv, one a point."""
-        return pd.DataFrame(
-            {
-                "socket": socket,
-                "material_set": material_set,
-                "arc_mm": self.arc_mm,
-                "angle_deg": self.angle_deg,
-                "x_mm": self.x_mm,
-                "y_mm": self.y_mm,
-                "pressure_kPa": self.pressure_kPa,
-                "shear_kPa": self.shear_kPa,
-                "gap_mm": self.gap_mm,
-                "status": self.status,
-            }
-        )
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Deformed positions, mm, (n, 2)."""
+        return np.column_stack([self.x_mm, self.y_mm])
+
+    @cached_property
+    def running_mean_kPa(self) -> NDArray[np.float64]:
+        """Contact pressure averaged over `RUNNING_MEAN_MM` along the skin, kPa, (n,)."""
+        return running_mean(self)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row a point: all arrays as columns."""
+        return pd.DataFrame({name: getattr(self, name) for name in COLUMNS})
+
+    @classmethod
+    def from_table(cls, table: pd.DataFrame) -> "ContactLine":
+        """Return the contact that `table` was made of."""
+        arrays = {name: table[name].to_numpy() for name in COLUMNS}
+        return cls(**{**arrays, "status": arrays["status"].astype(str)})
+
+
+COLUMNS = tuple(each.name for each in fields(ContactLine))
+"""Names of the arrays, status the last."""
+
+
+def running_mean(contact: ContactLine, window_mm: float = RUNNING_MEAN_MM) -> NDArray[np.float64]:
+    """Return the contact pressure averaged over a window along the closed skin outline, kPa, (n,).
+
+    Each point stands for its own piece of the outline; the window is centred on the piece and
+    takes parts of pieces at its ends.
+    """
+    width = contact.weight_mm
+    ends = np.concatenate([[0.0], np.cumsum(width)])
+    total = ends[-1]
+    if window_mm > total:
+        raise ValueError(f"the window of {window_mm} mm is longer than the outline, {total:.4g} mm")
+    integral = np.concatenate([[0.0], np.cumsum(width * contact.pressure_kPa)])
+    # once around before and after, so that windows across the start see both sides
+    ends = np.concatenate([ends[:-1] - total, ends[:-1], ends + total])
+    integral = np.concatenate(
+        [integral[:-1] - integral[-1], integral[:-1], integral + integral[-1]],
+    )
+    middle = np.cumsum(width) - 0.5 * width
+    upper = np.interp(middle + 0.5 * window_mm, ends, integral)
+    lower = np.interp(middle - 0.5 * window_mm, ends, integral)
+    return (upper - lower) / window_mm

@@ -12,7 +12,7 @@ from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.forms.measures import cauchy_stress
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.problem import Problem
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
 
@@ -23,12 +23,12 @@ KILOPASCAL = 1000.0
 _VTK_ORDER = [0, 1, 2, 5, 3, 4]
 
 
-def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionFields | None:
+def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFields | None:
     """Displacement, stress and strain of the whole section; on rank 0 (collective).
 
     Parameters
     ----------
-    model : Model
+    model : Problem
         With the state of interest in its unknowns.
     region_tissues : dict
         Tissue of each region name.
@@ -43,7 +43,7 @@ def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionField
             domain.geometry.input_global_indices[nodes],
             domain.geometry.x[nodes][:, :, :2],
             _nodal_displacement(model, n_cells)[:, _VTK_ORDER],
-            model.region_ids()[:n_cells],
+            model.section.cell_regions()[:n_cells],
             F,
             stress,
             p,
@@ -74,7 +74,7 @@ def section_fields(model: Model, region_tissues: dict[str, str]) -> SectionField
     )
 
 
-def contact_line(model: Model) -> ContactLine | None:
+def contact_line(model: Problem) -> ContactLine | None:
     """Contact along the skin; on rank 0 (collective)."""
     contact = model.contact
     state = contact.state()
@@ -104,6 +104,11 @@ def contact_line(model: Model) -> ContactLine | None:
     xi = np.where(flipped[:, None], -on_edge, on_edge)
     arc = chain.arc(np.repeat(np.arange(len(order)), n_points), xi.ravel())
     along = np.argsort(arc)
+    if not np.isclose(weight.sum(), chain.length, rtol=1e-3):
+        raise ValueError(
+            f"the contact points stand for {weight.sum():.6g} mm of skin, whose outline is "
+            f"{chain.length:.6g} mm long"
+        )
     pick = (n_points * order[:, None] + np.arange(n_points)).ravel()[along]
     return ContactLine(
         arc_mm=arc[along],
@@ -115,11 +120,10 @@ def contact_line(model: Model) -> ContactLine | None:
         gap_mm=gap[pick],
         weight_mm=weight[pick],
         status=np.array(STATUS_NAMES)[status[pick]],
-        circumference_mm=chain.length,
     )
 
 
-def _at_gauss_points(model: Model, n_cells: int) -> tuple[NDArray[np.float64], ...]:
+def _at_gauss_points(model: Problem, n_cells: int) -> tuple[NDArray[np.float64], ...]:
     """F, Cauchy stress s11, s22, s33, s12 and p (both MPa, > 0 in tension) of the first cells."""
     domain, fields = model.section.mesh, model.fields
     u, p_dof = ufl.split(model.w)
@@ -137,7 +141,7 @@ def _at_gauss_points(model: Model, n_cells: int) -> tuple[NDArray[np.float64], .
     return evaluate(F, every).reshape(-1, 3, 2, 2), stress, evaluate(p, every)
 
 
-def _nodal_displacement(model: Model, n_cells: int) -> NDArray[np.float64]:
+def _nodal_displacement(model: Problem, n_cells: int) -> NDArray[np.float64]:
     """Displacement at the six nodes of the first cells, in dolfinx's order, mm; (n, 6, 2)."""
     result = np.empty((n_cells, 6, 2))
     for component in range(2):

@@ -1,4 +1,4 @@
-"""The solved section as plain arrays: what outcomes, files and pictures are made from."""
+"""The solved section as plain arrays: what quantities, files and pictures are made from."""
 
 from dataclasses import dataclass
 

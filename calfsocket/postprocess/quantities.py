@@ -1,10 +1,10 @@
-"""Outcomes of a solved section: the level each stress and strain holds in each tissue, and where.
+"""Quantities of a solved section: the level of each stress and strain in each tissue, and where.
 
 From Gauss points to nodes as Abaqus shows results by default: components are extrapolated linearly
-to each cell's six nodes, outcomes are formed there, and averaged over the cells of one tissue at a
-node (Abaqus: of one section, hence of one material), never across tissues.
+to each cell's six nodes, quantities are formed there, and averaged over the cells of one tissue at
+a node (Abaqus: of one section, hence of one material), never across tissues.
 
-The level of an outcome in a tissue is the largest that at least five nodes and two neighbouring
+The level of a quantity in a tissue is the largest that at least five nodes and two neighbouring
 cells hold, so that a spike at one node or in one cell does not count:
 
     level(pair) = min(fifth largest of the pair's nine nodal values, lower of the two cell means)
@@ -14,9 +14,9 @@ points, before any averaging: averaged, one cell's spike would lend itself to it
 common edge's midpoint is the site.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -32,21 +32,23 @@ UNITS = {
     "shear_log_strain": "%",
     "pressure": "kPa",
 }
-# Components with a direction: the larger magnitude counts, with its sign.
+"""Quantities of the summary, and their units."""
+
+MEASURES = {**UNITS, "tensile_log_strain": "%"}
+"""Quantities of a section's fields; tensile_log_strain is the largest principal value."""
+
+CONTACT_UNITS = {
+    "contact_pressure_max": "kPa",
+    "contact_pressure_mean": "kPa",
+    "contact_share": "%",
+}
+"""Quantities of the contact in the summary, and their units."""
+
 SIGNED = ("shear_stress", "amp_log_strain", "shear_log_strain")
+"""Components with a direction: the larger magnitude counts, with its sign."""
+
 SUMMARY_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
-SUMMARY_COLUMNS = (
-    "socket",
-    "material_set",
-    "tissue",
-    "outcome",
-    "value",
-    "unit",
-    "x_mm",
-    "y_mm",
-    "region",
-)
-RUNNING_MEAN_MM = 3.0
+SUMMARY_COLUMNS = ("tissue", "quantity", "value", "unit", "x_mm", "y_mm", "region")
 
 _NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
@@ -110,75 +112,49 @@ def absolute_maximum_principal(strain: NDArray[np.float64]) -> NDArray[np.float6
     return np.where(mean >= 0, mean + radius, mean - radius)
 
 
-def _outcomes(
+def tensile_strain(strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest principal value in the plane of e11, e22, e12 (..., 3)."""
+    e11, e22, e12 = np.moveaxis(strain, -1, 0)
+    return 0.5 * (e11 + e22) + np.hypot(0.5 * (e11 - e22), e12)
+
+
+def first_largest(values: NDArray[np.float64]) -> int:
+    """Lowest index among values equal to the largest but for rounding."""
+    largest = values.max()
+    return int(np.argmax(values >= largest - 1e-9 * abs(largest)))
+
+
+def _measures(
     stress: NDArray[np.float64], strain: NDArray[np.float64], pressure: NDArray[np.float64]
 ) -> dict[str, NDArray[np.float64]]:
-    """Outcomes from components, in `UNITS`, at whatever points these are given."""
+    """Return all quantities, in `MEASURES`, from components at whatever points these are given."""
     return {
         "effective_stress": effective_stress(stress),
         "shear_stress": stress[..., 3],
         "amp_log_strain": 100 * absolute_maximum_principal(strain),
         "shear_log_strain": 100 * 2 * strain[..., 2],  # engineering shear, Abaqus's LE12
+        "tensile_log_strain": 100 * tensile_strain(strain),
         "pressure": pressure,
     }
 
 
-@dataclass(frozen=True)
-class CellOutcomes:
-    """Outcomes by name, in `UNITS`, cell by cell.
-
-    Attributes
-    ----------
-    nodal
-        Averages over the cells of the tissue at each cell's six nodes, (n_cells, 6).
-    mean
-        Mean over each cell's Gauss points, (n_cells,).
-
-    Notes
-    -----
-    amp_log_strain is averaged as a magnitude, and has the sign of the average of the signed
-    values: in an incompressible tissue e1 = -e2, and signed values of opposite sign would cancel.
-    There the sign means nothing.
-    """
-
-    nodal: dict[str, NDArray[np.float64]]
-    mean: dict[str, NDArray[np.float64]]
-
-
 def _sign(signed: NDArray[np.float64], magnitude: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give the sign, 1 or -1, that prevails in an average beside that of the magnitudes.
+    """Return the sign, 1 or -1, that prevails in an average beside that of the magnitudes.
 
     It is 1 where the signed values cancel: rounding must not choose it.
     """
     return np.where(signed < -1e-9 * magnitude, -1.0, 1.0)
 
 
-def node_average(
+def _node_average(
     fields: SectionFields,
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """Give the function that averages nodal values (n_cells, 6) over the cells of one tissue."""
+    """Return the function that averages nodal values (n_cells, 6) over the cells of one tissue."""
     node_of_tissue = fields.cells * len(TISSUES) + fields.tissue[:, None]
     _, inverse = np.unique(node_of_tissue, return_inverse=True)
     inverse = inverse.reshape(fields.cells.shape)
     count = np.bincount(inverse.ravel())
     return lambda values: (np.bincount(inverse.ravel(), values.ravel()) / count)[inverse]
-
-
-def cell_outcomes(fields: SectionFields) -> CellOutcomes:
-    """Outcomes at the nodes, averaged within each tissue, and the means over the cells."""
-    strain = log_strain(fields.deformation_gradient)
-    gauss = _outcomes(fields.stress, strain, fields.pressure)
-    nodes = _outcomes(
-        EXTRAPOLATION @ fields.stress, EXTRAPOLATION @ strain, fields.pressure @ EXTRAPOLATION.T
-    )
-    average = node_average(fields)
-    nodal = {name: average(values) for name, values in nodes.items()}
-    mean = {name: values.mean(axis=1) for name, values in gauss.items()}
-    amp = "amp_log_strain"
-    at_nodes, over_cells = average(np.abs(nodes[amp])), np.abs(gauss[amp]).mean(axis=1)
-    nodal[amp] = _sign(nodal[amp], at_nodes) * at_nodes
-    mean[amp] = _sign(mean[amp], over_cells) * over_cells
-    return CellOutcomes(nodal, mean)
 
 
 @dataclass(frozen=True)
@@ -201,7 +177,7 @@ class Neighbours:
 
 
 def neighbours(fields: SectionFields) -> Neighbours:
-    """All pairs of edge neighbours within a tissue.
+    """Return all pairs of edge neighbours within a tissue.
 
     A mid-side node belongs to one edge, so two cells that have it are neighbours.
     """
@@ -221,7 +197,7 @@ def neighbours(fields: SectionFields) -> Neighbours:
 
 
 def pair_levels(nodal: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Level that each pair holds: min(fifth largest nodal value, lower cell mean).
+    """Return the level that each pair holds: min(fifth largest nodal value, lower cell mean).
 
     Parameters
     ----------
@@ -234,28 +210,19 @@ def pair_levels(nodal: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArra
     return np.minimum(fifth_largest, mean.min(axis=1))
 
 
-def signed_levels(outcomes: CellOutcomes, pairs: Neighbours, outcome: str) -> NDArray[np.float64]:
-    """Level of an outcome that each pair of neighbours holds, in `UNITS`, (n_pairs,).
-
-    Stress and strain components are looked at in both directions, and the larger magnitude counts,
-    with its sign; a pair that holds neither direction holds 0. amp_log_strain counts by its
-    magnitude, with the sign that prevails in the two cells; pressure in compression.
-    """
-    nodal = outcomes.nodal[outcome].ravel()[pairs.corner]
-    mean = outcomes.mean[outcome][pairs.cells]
-    if outcome == "amp_log_strain":
-        magnitude = np.abs(mean)
-        sign = _sign(mean.sum(axis=1), magnitude.sum(axis=1))
-        return sign * pair_levels(np.abs(nodal), magnitude)
-    if outcome in SIGNED:
-        up, down = pair_levels(nodal, mean), pair_levels(-nodal, -mean)
-        return np.where(down > up, -1.0, 1.0) * np.maximum(np.maximum(up, down), 0.0)
-    return pair_levels(nodal, mean)
-
-
 @dataclass(frozen=True)
 class Maximum:
-    """Level held by a tissue, and its site in the reference section (mm)."""
+    """The level of a quantity in a tissue, and where it is held.
+
+    Attributes
+    ----------
+    value
+        In `MEASURES`, signed for the quantities of `SIGNED`; NaN where no pair of cells is.
+    x_mm, y_mm
+        Site in the reference section, mm.
+    region
+        Name of the region.
+    """
 
     value: float
     x_mm: float
@@ -263,86 +230,150 @@ class Maximum:
     region: str
 
 
-def first_largest(values: NDArray[np.float64]) -> int:
-    """Lowest index among values equal to the largest but for rounding."""
-    largest = values.max()
-    return int(np.argmax(values >= largest - 1e-9 * abs(largest)))
+NOWHERE = Maximum(np.nan, np.nan, np.nan, "")
 
 
-def _pairs_of(fields: SectionFields, pairs: Neighbours, tissue: str) -> NDArray[np.int64]:
-    return np.flatnonzero(fields.tissue[pairs.cells[:, 0]] == TISSUES.index(tissue))
+@dataclass(frozen=True)
+class Quantities:
+    """Stress and strain quantities of one section, by name, in `MEASURES`.
 
+    Attributes
+    ----------
+    fields
+        The section.
+    gauss
+        At each cell's Gauss points, (n_cells, 3).
+    nodal
+        Averages over the cells of the tissue at each cell's six nodes, (n_cells, 6).
+    mean
+        Mean over each cell's Gauss points, (n_cells,).
+    pairs
+        Pairs of neighbouring cells.
 
-def maximum(
-    fields: SectionFields, outcomes: CellOutcomes, pairs: Neighbours, tissue: str, outcome: str
-) -> Maximum:
-    """Level of an outcome in a tissue by the rule at the top of this file.
-
-    It is the one of `signed_levels` with the largest magnitude (the largest pressure). A tissue
-    without two neighbouring cells holds no level: NaN.
+    Notes
+    -----
+    amp_log_strain is averaged as a magnitude, and has the sign of the average of the signed
+    values: in an incompressible tissue e1 = -e2, and signed values of opposite sign would cancel.
+    There the sign means nothing.
     """
-    inside = _pairs_of(fields, pairs, tissue)
-    if not len(inside):
-        return Maximum(np.nan, np.nan, np.nan, "")
-    levels = signed_levels(outcomes, pairs, outcome)[inside]
-    pair = first_largest(np.abs(levels) if outcome in SIGNED else levels)
-    cells = pairs.cells[inside[pair]]
-    mean = outcomes.mean[outcome][cells]
-    fuller = cells[first_largest(np.abs(mean) if outcome in SIGNED else mean)]
-    x_mm, y_mm = fields.points[pairs.edge_node[inside[pair]]]
-    return Maximum(
-        value=float(levels[pair]),
-        x_mm=float(x_mm),
-        y_mm=float(y_mm),
-        region=fields.region_names[int(fields.region[fuller])],
-    )
+
+    fields: SectionFields
+    gauss: dict[str, NDArray[np.float64]]
+    nodal: dict[str, NDArray[np.float64]]
+    mean: dict[str, NDArray[np.float64]]
+    pairs: Neighbours
+
+    @classmethod
+    def of(cls, fields: SectionFields) -> "Quantities":
+        """Compute all quantities of a section."""
+        strain = log_strain(fields.deformation_gradient)
+        gauss = _measures(fields.stress, strain, fields.pressure)
+        nodes = _measures(
+            EXTRAPOLATION @ fields.stress, EXTRAPOLATION @ strain, fields.pressure @ EXTRAPOLATION.T
+        )
+        average = _node_average(fields)
+        nodal = {name: average(values) for name, values in nodes.items()}
+        mean = {name: values.mean(axis=1) for name, values in gauss.items()}
+        amp = "amp_log_strain"
+        at_nodes, over_cells = average(np.abs(nodes[amp])), np.abs(gauss[amp]).mean(axis=1)
+        nodal[amp] = _sign(nodal[amp], at_nodes) * at_nodes
+        mean[amp] = _sign(mean[amp], over_cells) * over_cells
+        return cls(fields, gauss, nodal, mean, neighbours(fields))
+
+    @cached_property
+    def _levels(self) -> dict[str, NDArray[np.float64]]:
+        return {}
+
+    def levels(self, quantity: str) -> NDArray[np.float64]:
+        """Return the level of a quantity that each pair of neighbours holds, (n_pairs,).
+
+        Stress and strain components are looked at in both directions, and the larger magnitude
+        counts, with its sign; a pair that holds neither direction holds 0. amp_log_strain counts by
+        its magnitude, with the sign that prevails in the two cells; pressure in compression.
+        """
+        if quantity not in self._levels:
+            nodal = self.nodal[quantity].ravel()[self.pairs.corner]
+            mean = self.mean[quantity][self.pairs.cells]
+            levels = pair_levels(nodal, mean)
+            if quantity == "amp_log_strain":
+                magnitude = np.abs(mean)
+                sign = _sign(mean.sum(axis=1), magnitude.sum(axis=1))
+                levels = sign * pair_levels(np.abs(nodal), magnitude)
+            elif quantity in SIGNED:
+                down = pair_levels(-nodal, -mean)
+                sign = np.where(down > levels, -1.0, 1.0)
+                levels = sign * np.maximum(np.maximum(levels, down), 0.0)
+            self._levels[quantity] = levels
+        return self._levels[quantity]
+
+    @cached_property
+    def _maxima(self) -> dict[tuple[str, str], Maximum]:
+        return {}
+
+    def maximum(self, tissue: str, quantity: str) -> Maximum:
+        """Return the level of a quantity in a tissue by the rule at the top of this file.
+
+        It is the one of `levels` with the largest magnitude (the largest pressure). A tissue
+        without two neighbouring cells holds no level: NaN.
+        """
+        key = (tissue, quantity)
+        if key not in self._maxima:
+            self._maxima[key] = self._find_maximum(tissue, quantity)
+        return self._maxima[key]
+
+    def _find_maximum(self, tissue: str, quantity: str) -> Maximum:
+        inside = self._pairs_of(tissue)
+        if not len(inside):
+            return NOWHERE
+        sized = np.abs if quantity in SIGNED else np.asarray
+        levels = self.levels(quantity)[inside]
+        pair = first_largest(sized(levels))
+        cells = self.pairs.cells[inside[pair]]
+        fuller = cells[first_largest(sized(self.mean[quantity][cells]))]
+        x_mm, y_mm = self.fields.points[self.pairs.edge_node[inside[pair]]]
+        region = self.fields.region_names[int(self.fields.region[fuller])]
+        return Maximum(float(levels[pair]), float(x_mm), float(y_mm), region)
+
+    def level_at(self, tissue: str, quantity: str, x_mm: float, y_mm: float) -> float:
+        """Return the level that the tissue's pair nearest to a site holds (reference section).
+
+        At the site of its own maximum a case holds that maximum. The limb's mesh is the same in
+        both material sets, so that there the pair is the same, too.
+        """
+        inside = self._pairs_of(tissue)
+        if not len(inside):
+            return np.nan
+        middle = self.fields.points[self.pairs.edge_node[inside]]
+        nearest = np.argmin(np.linalg.norm(middle - (x_mm, y_mm), axis=1))
+        return float(self.levels(quantity)[inside[nearest]])
+
+    def _pairs_of(self, tissue: str) -> NDArray[np.int64]:
+        return np.flatnonzero(self.fields.tissue[self.pairs.cells[:, 0]] == TISSUES.index(tissue))
 
 
-def level_at(
-    fields: SectionFields,
-    outcomes: CellOutcomes,
-    pairs: Neighbours,
-    tissue: str,
-    outcome: str,
-    site_mm: tuple[float, float],
-) -> float:
-    """Level that the tissue's pair nearest to a site of the reference section holds.
+def contact_quantities(fields: SectionFields, contact: ContactLine) -> dict[str, Maximum]:
+    """Return the contact quantities of `CONTACT_UNITS`.
 
-    At the site of its own maximum a case holds that maximum. The limb's mesh is the same in both
-    material sets, so that there the pair is the same, too.
+    contact_pressure_max: largest 3 mm running mean along the skin, which drops single spikes.
+    contact_pressure_mean: mean over the part of the skin in contact, by reference length.
+    contact_share: that part's share of the outline, %.
     """
-    inside = _pairs_of(fields, pairs, tissue)
-    if not len(inside):
-        return np.nan
-    distance = np.linalg.norm(fields.points[pairs.edge_node[inside]] - site_mm, axis=1)
-    return float(signed_levels(outcomes, pairs, outcome)[inside[np.argmin(distance)]])
-
-
-def running_mean(contact: ContactLine, window_mm: float = RUNNING_MEAN_MM) -> NDArray[np.float64]:
-    """Contact pressure averaged over a window along the closed skin outline, kPa, (n,).
-
-    Each point stands for its own piece of the outline; the window is centred on the piece and
-    takes parts of pieces at its ends.
-    """
-    width = contact.weight_mm
-    ends = np.concatenate([[0.0], np.cumsum(width)])
-    total = ends[-1]
-    if window_mm > total:
-        raise ValueError(f"the window of {window_mm} mm is longer than the outline, {total:.4g} mm")
-    integral = np.concatenate([[0.0], np.cumsum(width * contact.pressure_kPa)])
-    # once around before and after, so that windows across the start see both sides
-    ends = np.concatenate([ends[:-1] - total, ends[:-1], ends + total])
-    integral = np.concatenate(
-        [integral[:-1] - integral[-1], integral[:-1], integral + integral[-1]],
-    )
-    middle = np.cumsum(width) - 0.5 * width
-    upper = np.interp(middle + 0.5 * window_mm, ends, integral)
-    lower = np.interp(middle - 0.5 * window_mm, ends, integral)
-    return (upper - lower) / window_mm
+    smooth = contact.running_mean_kPa
+    peak = first_largest(smooth)
+    touching = contact.status != "open"
+    length, pressure = contact.weight_mm[touching], contact.pressure_kPa[touching]
+    mean = np.average(pressure, weights=length) if touching.any() else 0.0
+    share = 100 * length.sum() / contact.weight_mm.sum()
+    site = _reference_site(fields, contact.x_mm[peak], contact.y_mm[peak])
+    return {
+        "contact_pressure_max": Maximum(float(smooth[peak]), *site),
+        "contact_pressure_mean": replace(NOWHERE, value=float(mean)),
+        "contact_share": replace(NOWHERE, value=float(share)),
+    }
 
 
 def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[float, float, str]:
-    """Give the reference position and region of the skin node nearest to a deformed position."""
+    """Return reference position and region of the skin node nearest to a deformed position."""
     skin = fields.cells[fields.tissue == TISSUES.index("skin")]
     region = fields.region[fields.tissue == TISSUES.index("skin")]
     deformed = (fields.points + fields.displacement)[skin]
@@ -352,57 +383,32 @@ def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[fl
     return float(x), float(y), fields.region_names[int(region[cell])]
 
 
-def contact_rows(fields: SectionFields, contact: ContactLine) -> list[dict[str, Any]]:
-    """Contact pressure on the skin, as rows of the summary.
-
-    contact_pressure_max: largest 3 mm running mean along the skin, which drops single spikes.
-    contact_pressure_mean: mean over the part of the skin in contact, by reference length.
-    contact_share: that part's share of the outline, %.
-    """
-    smooth = running_mean(contact)
-    peak = first_largest(smooth)
-    touching = contact.status != "open"
-    share = contact.weight_mm[touching].sum() / contact.weight_mm.sum()
-    mean = (
-        np.average(contact.pressure_kPa[touching], weights=contact.weight_mm[touching])
-        if touching.any()
-        else 0.0
-    )
-    x, y, region = _reference_site(fields, contact.x_mm[peak], contact.y_mm[peak])
-    nowhere = {"x_mm": np.nan, "y_mm": np.nan, "region": ""}
-    return [
-        {
-            "outcome": "contact_pressure_max",
-            "value": smooth[peak],
-            "unit": "kPa",
-            "x_mm": x,
-            "y_mm": y,
-            "region": region,
-        },
-        {"outcome": "contact_pressure_mean", "value": mean, "unit": "kPa", **nowhere},
-        {"outcome": "contact_share", "value": 100 * share, "unit": "%", **nowhere},
-    ]
-
-
-def summary_rows(
-    fields: SectionFields, contact: ContactLine, socket: str, material_set: str
-) -> pd.DataFrame:
-    """Rows of summary.csv of one case, in long form.
+def summary(quantities: Quantities, contact: ContactLine) -> pd.DataFrame:
+    """Return the level of every quantity in every tissue, with `SUMMARY_COLUMNS`.
 
     Sites are positions in the reference section; a mean has none. Tissues that the section does
     not have are left out.
     """
-    outcomes, pairs = cell_outcomes(fields), neighbours(fields)
-    rows: list[dict[str, object]] = []
+    fields = quantities.fields
+    rows = []
     for tissue in SUMMARY_TISSUES:
         if TISSUES.index(tissue) not in fields.tissue:
             continue
-        for outcome, unit in UNITS.items():
-            if outcome == "pressure" and tissue != "vessel":
-                continue
-            held = maximum(fields, outcomes, pairs, tissue, outcome)
-            rows.append({"tissue": tissue, "outcome": outcome, "unit": unit, **vars(held)})
+        for quantity, unit in UNITS.items():
+            if quantity != "pressure" or tissue == "vessel":
+                rows.append((tissue, quantity, unit, quantities.maximum(tissue, quantity)))
         if tissue == "skin":
-            rows += [{"tissue": tissue, **row} for row in contact_rows(fields, contact)]
-    frame = pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))
-    return frame.assign(socket=socket, material_set=material_set)
+            found = contact_quantities(fields, contact)
+            rows += [(tissue, name, CONTACT_UNITS[name], value) for name, value in found.items()]
+    return summary_table(rows)
+
+
+def summary_table(rows: Iterable[tuple[str, str, str, Maximum]]) -> pd.DataFrame:
+    """Return tissue, quantity, unit and level as a table with `SUMMARY_COLUMNS`."""
+    return pd.DataFrame(
+        [
+            {"tissue": tissue, "quantity": quantity, "unit": unit, **vars(level)}
+            for tissue, quantity, unit, level in rows
+        ],
+        columns=list(SUMMARY_COLUMNS),
+    )

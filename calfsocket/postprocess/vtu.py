@@ -7,21 +7,22 @@ import numpy as np
 
 from calfsocket.io.files import replacing
 from calfsocket.postprocess.fields import GAUSS_POINTS, TISSUES, SectionFields
-from calfsocket.postprocess.quantities import UNITS, cell_outcomes
+from calfsocket.postprocess.quantities import UNITS, Quantities
 
 FIELDS_FILE = "fields.vtu"
 
 
-def write_fields(folder: Path, fields: SectionFields, socket: str, material_set: str) -> Path:
+def write_fields(folder: Path, quantities: Quantities, socket: str, material_set: str) -> Path:
     """Write fields.vtu of one case, for ParaView and for `read_fields`.
 
     Nodes are doubled where regions meet, so that stresses may jump there. Point data are for
-    looking at (displacement, and the outcomes averaged within each tissue); cell data hold what
+    looking at (displacement, and the quantities averaged within each tissue); cell data hold what
     was computed, at the Gauss points; names of regions and tissues are in the field data, indexed
     by `region_ids` and by tissue.
     """
     import pyvista  # takes a second, which only this function needs
 
+    fields = quantities.fields
     n_nodes = len(fields.points)
     node_of_region = fields.region[:, None] * n_nodes + fields.cells
     copies, cells = np.unique(node_of_region, return_inverse=True)
@@ -33,10 +34,10 @@ def write_fields(folder: Path, fields: SectionFields, socket: str, material_set:
     )
     grid.point_data["displacement"] = np.pad(fields.displacement[node], pad)
     unit_names = {"kPa": "kPa", "%": "percent"}
-    for name, values in cell_outcomes(fields).nodal.items():
+    for name, unit in UNITS.items():
         at_node = np.empty(len(node))
-        at_node[cells] = values
-        grid.point_data[f"{name}_{unit_names[UNITS[name]]}"] = at_node
+        at_node[cells] = quantities.nodal[name]
+        grid.point_data[f"{name}_{unit_names[unit]}"] = at_node
     grid.point_data["node"] = node
     grid.cell_data["region"] = fields.region
     grid.cell_data["tissue"] = fields.tissue

@@ -1,15 +1,13 @@
-r"""What merging fascia and muscle changes: the paper's relative changes of maxima and at sites.
+r"""What merging fascia and muscle changes: relative changes of maxima and at their sites.
 
-Equation (3) of the paper, in percent, of signed values with the Separate set as reference,
+In percent, of signed values with the Separate set as reference,
 
-.. math:: 100 \frac{c - s}{|s|},
+.. math:: 100 \frac{c - s}{|s|}
 
-is positive when the signed value rises. For a negative stress whose magnitude grows it is
-negative: in 32 of 60 cells of the paper its sign is opposite to that of the change of magnitude,
+is positive when the signed value rises. For a negative stress whose magnitude grows it is negative,
+so that the change of magnitude stands beside it:
 
-.. math:: 100 \frac{|c| - |s|}{|s|},
-
-which stands beside it here.
+.. math:: 100 \frac{|c| - |s|}{|s|}.
 """
 
 from typing import Any
@@ -18,21 +16,24 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.postprocess.quantities import (
+    NOWHERE,
     SUMMARY_TISSUES,
     UNITS,
     Maximum,
-    contact_rows,
+    contact_quantities,
     first_largest,
-    level_at,
-    running_mean,
 )
-from calfsocket.postprocess.quantities import maximum as tissue_maximum
-from calfsocket.report.results import Results, SolvedCase
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Results
 
+SETS = ("separate", "combined")
+"""Material sets that are compared."""
+
+SITES = ("max_separate", "max_combined", "max_both")
 COLUMNS = (
     "socket",
     "tissue",
-    "outcome",
+    "quantity",
     "site",
     "separate",
     "combined",
@@ -42,11 +43,10 @@ COLUMNS = (
     "x_mm",
     "y_mm",
 )
-SITES = ("max_separate", "max_combined", "max_both")
 
 
 def relative_change(separate: float, combined: float) -> float:
-    """Equation (3) of signed values, %; NaN where the reference is 0."""
+    """Relative change of signed values, %; NaN where the reference is 0."""
     return 100 * (combined - separate) / abs(separate) if separate else np.nan
 
 
@@ -55,38 +55,40 @@ def magnitude_change(separate: float, combined: float) -> float:
     return relative_change(abs(separate), abs(combined))
 
 
+def complete_sockets(results: Results) -> tuple[str, ...]:
+    """Return the sockets that are solved with both material sets."""
+    return tuple(
+        socket for socket in results.sockets if all((socket, name) in results for name in SETS)
+    )
+
+
 def relative_changes(results: Results) -> pd.DataFrame:
     """Compare the two sets in every socket that has both.
-
-    Parameters
-    ----------
-    results : Results
-        Of a study.
 
     Returns
     -------
     DataFrame
-        One row a socket, tissue, outcome and site, with `COLUMNS`: values of both sets in the
-        outcome's unit (`outcomes.UNITS`), changes in %, and the site in the reference section.
-        site "max_separate" compares both sets where Separate has its maximum, "max_combined" where
-        Combined has it, "max_both" each set's own maximum, wherever it is (paper, section 2.4).
-        Contact pressure stands with the skin: contact_pressure_max at its sites, and
-        contact_pressure_mean, which has no site.
+        One row a socket, tissue, quantity and site, with `COLUMNS`: values of both sets in the
+        quantity's unit, changes in %, and the site in the reference section. Site "max_separate"
+        compares both sets where Separate has its maximum, "max_combined" where Combined has it,
+        "max_both" each set's own maximum, wherever it is. Contact pressure stands with the skin:
+        contact_pressure_max at its sites, and contact_pressure_mean, which has no site.
     """
     rows: list[dict[str, Any]] = []
-    for socket in filter(results.complete, results.sockets):
-        separate, combined = results.case(socket, "separate"), results.case(socket, "combined")
+    for socket in complete_sockets(results):
+        pair = results[socket, "separate"], results[socket, "combined"]
         for tissue in SUMMARY_TISSUES:
-            for outcome in UNITS:
-                if outcome != "pressure" or tissue == "vessel":
-                    rows += _tissue_rows(separate, combined, tissue, outcome, socket)
+            for quantity in UNITS:
+                if quantity != "pressure" or tissue == "vessel":
+                    about = {"socket": socket, "tissue": tissue, "quantity": quantity}
+                    rows += [about | row for row in _tissue_rows(*pair, tissue, quantity)]
             if tissue == "skin":
-                rows += _contact_rows(separate, combined, socket)
+                about = {"socket": socket, "tissue": tissue}
+                rows += [about | row for row in _contact_rows(*pair)]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _row(separate: float, combined: float, site: str, held: Maximum | None) -> dict[str, Any]:
-    place = held or Maximum(np.nan, np.nan, np.nan, "")
+def _row(separate: float, combined: float, site: str, place: Maximum = NOWHERE) -> dict[str, Any]:
     return {
         "site": site,
         "separate": separate,
@@ -100,42 +102,29 @@ def _row(separate: float, combined: float, site: str, held: Maximum | None) -> d
 
 
 def _tissue_rows(
-    separate: SolvedCase, combined: SolvedCase, tissue: str, outcome: str, socket: str
+    separate: Result, combined: Result, tissue: str, quantity: str
 ) -> list[dict[str, Any]]:
-    s, c = (
-        tissue_maximum(case.fields, case.outcomes, case.pairs, tissue, outcome)
-        for case in (separate, combined)
-    )
-
-    def at(case: SolvedCase, site: Maximum) -> float:
-        place = (site.x_mm, site.y_mm)
-        return level_at(case.fields, case.outcomes, case.pairs, tissue, outcome, place)
-
-    rows = [
-        _row(s.value, at(combined, s), "max_separate", s),
-        _row(at(separate, c), c.value, "max_combined", c),
-        _row(s.value, c.value, "max_both", None),
-    ]
-    return [{"socket": socket, "tissue": tissue, "outcome": outcome, **row} for row in rows]
-
-
-def _contact_rows(separate: SolvedCase, combined: SolvedCase, socket: str) -> list[dict[str, Any]]:
-    cases = (separate, combined)
-    # point by point: the skin's mesh is the same in both sets
-    smooth = [running_mean(case.contact) for case in cases]
-    peaks, means = [], []
-    for case in cases:
-        largest, mean, _ = contact_rows(case.fields, case.contact)
-        peaks.append(Maximum(*(largest[key] for key in ("value", "x_mm", "y_mm", "region"))))
-        means.append(mean["value"])
-    rows = []
-    for site, own, peak in zip(SITES, smooth, peaks, strict=False):
-        point = first_largest(own)
-        rows.append(_row(smooth[0][point], smooth[1][point], site, peak))
-    rows.append(_row(peaks[0].value, peaks[1].value, "max_both", None))
-    both_means = _row(means[0], means[1], "max_both", None)
-    skin = {"socket": socket, "tissue": "skin"}
+    s, c = (each.quantities.maximum(tissue, quantity) for each in (separate, combined))
+    c_at_s = combined.quantities.level_at(tissue, quantity, s.x_mm, s.y_mm)
+    s_at_c = separate.quantities.level_at(tissue, quantity, c.x_mm, c.y_mm)
     return [
-        *({**skin, "outcome": "contact_pressure_max", **row} for row in rows),
-        {**skin, "outcome": "contact_pressure_mean", **both_means},
+        _row(s.value, c_at_s, "max_separate", s),
+        _row(s_at_c, c.value, "max_combined", c),
+        _row(s.value, c.value, "max_both"),
     ]
+
+
+def _contact_rows(separate: Result, combined: Result) -> list[dict[str, Any]]:
+    pair = (separate, combined)
+    # point by point: the skin's mesh is the same in both sets
+    smooth = [each.line.running_mean_kPa for each in pair]
+    found = [contact_quantities(each.fields, each.line) for each in pair]
+    rows = []
+    for site, own, levels in zip(SITES, smooth, found, strict=False):
+        point, place = first_largest(own), levels["contact_pressure_max"]
+        row = _row(smooth[0][point], smooth[1][point], site, place)
+        rows.append({"quantity": "contact_pressure_max", **row})
+    for quantity in ("contact_pressure_max", "contact_pressure_mean"):
+        values = [levels[quantity].value for levels in found]
+        rows.append({"quantity": quantity, **_row(values[0], values[1], "max_both")})
+    return rows

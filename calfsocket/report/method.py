@@ -4,9 +4,10 @@ from typing import Any
 
 import pandas as pd
 
-from calfsocket.report import names
-from calfsocket.report.results import Results
+from calfsocket.report import inputs, names
 from calfsocket.report.table import Table, number
+from calfsocket.simulation.record import StudyRecord
+from calfsocket.simulation.results import Results
 
 MOST_NAMED = 4
 """Sockets that the summary names."""
@@ -16,7 +17,7 @@ SETTINGS = {
     "socket_support": "socket support",
     "fascia_c10": "fascia's C10",
     "ogden_form": "Ogden form",
-    "fric_coeff": "friction coefficient",
+    "friction": "friction coefficient",
     "gamma": "Nitsche's stiffness gamma, MPa/mm",
     "gamma_t": "its tangential part gamma_t, MPa/mm",
     "first": "first load step",
@@ -25,71 +26,75 @@ SETTINGS = {
     "growth": "growth of steps",
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
-    "predict": "predictor",
+    "extrapolate": "predictor",
 }
-"""Words for the settings in run.json; one that is not here keeps its name."""
+"""Words for settings; one that is not here keeps its name."""
 
 
 def tables(results: Results) -> list[Table]:
     """Make the tables of cases, of settings and of versions."""
-    return [_cases(results), _settings(results), _versions(results)]
+    made = [_cases(results)]
+    if found := inputs.settings(results):
+        made.append(_settings(found))
+    if results.run:
+        made.append(_versions(results.run))
+    return made
 
 
 def summary(results: Results) -> str:
     """Say in one sentence what was solved."""
-    settings = results.run["inputs"]["settings"]
     runs = "; ".join(
         f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
     )
     if len(results.sockets) > MOST_NAMED:
-        runs = f"{len(results.cases)} cases"
-    return (
-        f"{runs}. Mesh “{settings['size']}”, socket "
-        f"{settings['socket_support'].replace('-', ' ')}, friction "
-        f"{settings['contact']['fric_coeff']:g}, fascia's C10 {settings['fascia_c10']}, "
-        f"Ogden form {settings['ogden_form']}."
-    )
+        runs = f"{len(results)} cases"
+    found = inputs.settings(results)
+    parts = [
+        f"{word} {str(found[key]).replace('-', ' ')}"
+        for key, word in {
+            "size": "mesh size",
+            "socket_support": "socket",
+            "friction": "friction",
+            "fascia_c10": "fascia's C10",
+            "ogden_form": "Ogden form",
+        }.items()
+        if key in found
+    ]
+    if not parts:
+        return f"{runs}."
+    text = ", ".join(parts)
+    return f"{runs}. {text[0].upper()}{text[1:]}."
 
 
 def warnings(results: Results) -> list[str]:
     """List what a reader must know before using a number: cases left out, and checks not passed."""
     found = [f"{name} is left out: {why}" for name, why in results.left_out.items()]
-    for name in map("_".join, results.cases):
-        found += [f"{name}: {text}" for text in results.run["cases"][name].get("warnings", ())]
+    for record in results.records.values():
+        found += [f"{record.name}: {text}" for text in record.warnings]
     return found
 
 
 def _sets(results: Results, socket: str) -> list[str]:
-    return [
-        names.material_set(name)
-        for name in results.material_sets
-        if (socket, name) in results.cases
-    ]
+    return [names.material_set(name) for name in results.material_sets if (socket, name) in results]
 
 
 def _cases(results: Results) -> Table:
     """One row a case: size of the problem, the way to its end, and what it was judged by."""
-    entries = [results.run["cases"]["_".join(key)] for key in results.cases]
     data = pd.DataFrame(
         [
             {
                 "socket": socket,
                 "material_set": material_set,
-                **{
-                    key: value
-                    for key, value in entry.items()
-                    if not isinstance(value, dict | list) and key != "paper_set"
-                },
-                "own": ", ".join(
-                    f"{key} = {value}" for key, value in entry.get("changes", {}).items()
-                ),
-                "seconds": sum(entry.get("seconds", {}).values()),
+                "changes": ", ".join(f"{key} = {value}" for key, value in record.changes.items()),
+                "ranks": record.ranks,
+                **(record.checks.model_dump() if record.checks else {}),
+                "seconds": sum(record.seconds.values()),
             }
-            for (socket, material_set), entry in zip(results.cases, entries, strict=True)
+            for (socket, material_set), record in results.records.items()
         ]
     )
     columns = {
-        "changed": ("own", str),
+        "changed": ("changes", str),
         "triangles": ("cells", str),
         "unknowns": ("unknowns", str),
         "load steps": ("steps", str),
@@ -102,12 +107,12 @@ def _cases(results: Results) -> Table:
         "negative modes": ("negative_modes", str),
         "seconds": ("seconds", number),
     }
-    if not (data.own != "").any():
-        data = data.drop(columns="own")
+    if not data.changes.any():
+        data = data.drop(columns="changes")
     shown = pd.DataFrame(
         {label: data[key].map(text) for label, (key, text) in columns.items() if key in data}
     )
-    sets = [names.material_set(name) for name in data.material_set]
+    sets = map(names.material_set, data.material_set)
     shown.index = pd.Index([f"{s} {m}" for s, m in zip(data.socket, sets, strict=True)])
     return Table(
         "cases",
@@ -121,30 +126,19 @@ def _cases(results: Results) -> Table:
     )
 
 
-def _settings(results: Results) -> Table:
-    flat = _flat(results.run["inputs"]["settings"])
-    data = pd.DataFrame({"setting": list(flat), "value": [_text(flat[key]) for key in flat]})
+def _settings(found: dict[str, Any]) -> Table:
+    data = pd.DataFrame({"setting": list(found), "value": [_text(found[key]) for key in found]})
     shown = data.set_index(data.setting.map(lambda key: SETTINGS.get(key, key)))[["value"]]
     return Table(
         "settings", "Settings", "Shared by all runs, but for what is changed in some.", data, shown
     )
 
 
-def _versions(results: Results) -> Table:
-    versions = {**results.run.get("versions", {}), "ranks": results.run.get("ranks", "")}
-    data = pd.DataFrame({"program": list(versions), "version": list(map(str, versions.values()))})
-    return Table(
-        "versions", "Versions", "Programs that the runs were made with.", data,
-        data.set_index("program"),
-    )  # fmt: skip
-
-
-def _flat(settings: dict[str, Any]) -> dict[str, Any]:
-    """Give settings by their last name."""
-    flat: dict[str, Any] = {}
-    for key, value in settings.items():
-        flat |= _flat(value) if isinstance(value, dict) else {key: value}
-    return flat
+def _versions(run: StudyRecord) -> Table:
+    versions = {**run.versions, "ranks": str(run.ranks)}
+    data = pd.DataFrame({"program": list(versions), "version": list(versions.values())})
+    caption = "Programs that the runs were made with."
+    return Table("versions", "Versions", caption, data, data.set_index("program"))
 
 
 def _text(value: object) -> str:

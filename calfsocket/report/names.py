@@ -7,7 +7,7 @@ TISSUES = {
     "fascia": "fascia",
     "vessel": "vessels",
 }
-OUTCOMES = {
+QUANTITIES = {
     "effective_stress": "effective stress",
     "shear_stress": "shear stress",
     "amp_log_strain": "AMP strain",
@@ -16,6 +16,7 @@ OUTCOMES = {
     "pressure": "pressure",
     "contact_pressure_max": "largest contact pressure",
     "contact_pressure_mean": "mean contact pressure",
+    "contact_share": "share in contact",
 }
 SITES = {
     "max_separate": "at the Separate maximum",
@@ -23,12 +24,10 @@ SITES = {
     "max_both": "of the maxima",
 }
 SETS = {"separate": "Separate", "combined": "Combined"}
-SOCKETS = ("TC", "TSB", "HS")
-"""Sockets of the paper; others are a study's own."""
 
 
 def material_set(name: str) -> str:
-    """Name of a material set: the paper's with a capital, others as they are called."""
+    """Return the name of a material set: the package's with a capital, others as they are."""
     return SETS.get(name, name)
 
 

@@ -1,14 +1,20 @@
 """A table of the report and the three forms it is written in: CSV, Markdown, HTML fragment."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.report import names
+from calfsocket.report.templates import render
+
+TIMES = "\N{MULTIPLICATION SIGN}"
+TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
 
 
 @dataclass(frozen=True)
@@ -36,22 +42,14 @@ class Table:
     shown: pd.DataFrame
     notes: tuple[str, ...] = ()
 
-    def html(self) -> str:
-        """Give a fragment without styles: a figure whose table may scroll in its own box."""
+    def html(self) -> Markup:
+        """Return a fragment without styles: a figure whose table may scroll in its own box."""
         body = self.shown.to_html(border=0, na_rep="", index_names=False, justify="unset")
         body = body.replace(' style="text-align: unset;"', "")  # styles are the page's
-        notes = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
-        return (
-            f'<figure class="table" id="{escape(self.name)}">\n'
-            f"<figcaption><strong>{escape(self.title)}.</strong> {escape(self.caption)}"
-            f"</figcaption>\n"
-            f'<div class="scroll" tabindex="0">\n{body}\n</div>\n'
-            + (f'<ul class="notes">{notes}</ul>\n' if notes else "")
-            + "</figure>\n"
-        )
+        return render("table.html", table=self, body=Markup(body))
 
     def markdown(self) -> str:
-        """Give the table as a section of a Markdown page."""
+        """Return the table as a section of a Markdown page."""
         flat = self.shown.copy()
         flat.columns = [_words(label, " ") for label in flat.columns]
         labels = [_words(label, ", ") for label in flat.index]
@@ -67,7 +65,7 @@ class Table:
         """Write NAME.csv, NAME.md and NAME.html."""
         with replacing(folder / f"{self.name}.csv") as path:
             self.data.to_csv(path, index=False, float_format=FLOAT_FORMAT)
-        for ending, text in (("md", self.markdown()), ("html", self.html())):
+        for ending, text in (("md", self.markdown()), ("html", str(self.html()))):
             with replacing(folder / f"{self.name}.{ending}") as path:
                 path.write_text(text, encoding="utf-8")
 
@@ -87,7 +85,7 @@ def number(value: float) -> str:
 
 
 def change(value: float) -> str:
-    """Give a change in percent with its sign, without decimals from 10 on."""
+    """Return a change in percent with its sign, without decimals from 10 on."""
     if not np.isfinite(value):
         return ""
     if abs(value) >= 1e5:
@@ -107,6 +105,29 @@ def spread(
         frame[name] = pd.Categorical(frame[name], frame[name].unique(), ordered=True)
     wide = frame.pivot(index=rows, columns=columns, values="text")
     return wide.astype(object).fillna("")
+
+
+def in_words(data: pd.DataFrame) -> pd.DataFrame:
+    """Return columns of names in the words that people read."""
+    known = {
+        "tissue": names.TISSUES,
+        "quantity": names.QUANTITIES,
+        "site": names.SITES,
+        "material_set": names.SETS,
+    }
+    return data.assign(
+        **{
+            column: [words.get(name, name) for name in data[column]]
+            for column, words in known.items()
+            if column in data
+        }
+    )
+
+
+def listed(words: Iterable[str], comma: bool = False) -> str:
+    """Join words to a list as one reads it."""
+    *first, last = [*words] or [""]
+    return f"{', '.join(first)}{',' if comma else ''} and {last}" if first else last
 
 
 def _words(label: object, between: str) -> str:

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 from calfsocket.io.errors import CalfsocketError, in_one_line
 from calfsocket.io.files import replacing
 from calfsocket.mechanics.newton import NewtonResult
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep, Milestone
 
 CHECKPOINT_FILE = "checkpoint.npz"
@@ -39,13 +39,13 @@ class Checkpoint:
     ----------
     path : Path
         The file.
-    model : Model
+    model : Problem
         What is solved.
     inputs : mapping
         Everything else that the numbers depend on, as JSON takes it.
     """
 
-    def __init__(self, path: Path, model: Model, inputs: Mapping[str, object]) -> None:
+    def __init__(self, path: Path, model: Problem, inputs: Mapping[str, object]) -> None:
         self.path = path
         self._model = model
         domain = model.section.mesh

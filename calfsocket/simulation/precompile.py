@@ -14,8 +14,8 @@ from calfsocket.materials.fields import Kind, kind
 from calfsocket.materials.law import Law
 from calfsocket.materials.material_set import BASE_SETS, MaterialSet
 from calfsocket.materials.tissues import SOCKET
-from calfsocket.mechanics.newton import Solver
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.newton import Newton
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 
@@ -32,7 +32,7 @@ def cache_folder() -> Path:
     return Path(base) / "calfsocket" / "fenics"
 
 
-def warm(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> None:
+def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> None:
     """Compile every form that cases need, unless that was done before (collective).
 
     Rank 0 compiles, under a lock against other processes of the same user. A form that is found
@@ -56,9 +56,15 @@ def warm(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> None:
             fcntl.flock(lock, fcntl.LOCK_EX)
             _throw_away_leftovers(folder)
             for laws in _problems(map(MaterialSet.paper, BASE_SETS) if sets is None else sets):
-                _use_all_forms(laws)
+                kinds = folder, *map(kind, laws)
+                if kinds not in _compiled:
+                    _use_all_forms(laws)
+                    _compiled.add(kinds)
     comm.Barrier()
 
+
+_compiled: set[tuple[object, ...]] = set()
+"""Folder and kinds of laws for which this process has used all forms."""
 
 _used: dict[Path, IO[str]] = {}
 
@@ -103,10 +109,9 @@ def _use_all_forms(laws: Sequence[Law]) -> None:
     layers = [(f"layer {i}", *radii[i : i + 2]) for i in range(len(inner))]
     section = ring_mesh(MPI.COMM_SELF, [*layers, ("skin", _SKIN, _OUTER)], _SOCKET, h=4.0)
     of_layer = {name: law for (name, *_), law in zip(layers, inner, strict=True)}
-    model = Model(section, {**of_layer, "skin": skin, "socket": SOCKET})
-    solver = Solver(model)
-    model.contact.load = 0.01
-    solver.solve()
-    model.smallest_volume_ratio()
-    section_fields(model, {name: "skin" for name in section.regions})
-    contact_line(model)
+    problem = limb_problem(section, {**of_layer, "skin": skin, "socket": SOCKET})
+    problem.load = 0.01
+    Newton(problem).solve()
+    problem.smallest_volume_ratio()
+    section_fields(problem, {name: "skin" for name in section.regions})
+    contact_line(problem)

@@ -1,6 +1,8 @@
 """Where the time of a case goes: its phases, and what PETSc, dolfinx and this program time."""
 
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -33,6 +35,32 @@ DOLFINX_TIMERS = (
     "Build dofmap data",
     "SparsityPattern::finalize",
 )
+
+
+class Phases:
+    """Wall time of the phases of a case.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Time of each phase so far.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._inside = 0.0  # wall time of phases inside the present one
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Add the wall time of the body to a phase, without that of phases inside it."""
+        start, outside = time.perf_counter(), self._inside
+        self._inside = 0.0
+        try:
+            yield
+        finally:
+            elapsed = time.perf_counter() - start
+            self.seconds[name] = self.seconds.get(name, 0.0) + elapsed - self._inside
+            self._inside = outside + elapsed
 
 
 class Profile:

@@ -1,10 +1,16 @@
 """What is written of a case: its identity, how it ended, and the checks of its result."""
 
+import json
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
-from calfsocket.io.schema import Strict
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import Strict, checked, read_text
+from calfsocket.materials.laws import AnyLaw
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import AnySocket
 
 GAP_TOLERANCE = 1e-2
 """Largest gap in mm that a result may have where there is contact."""
@@ -129,3 +135,110 @@ class CaseRecord(Strict):
     def warnings(self) -> tuple[str, ...]:
         """Checks that its result does not pass."""
         return self.checks.warnings if self.checks else ()
+
+
+class StudySource(Strict):
+    """The study file that a study was made from, and all that it named.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file.
+    content : mapping
+        As parsed, with the changes of the command line.
+    sha256 : mapping of str to str
+        Hashes of the files that were read.
+    files : mapping
+        Content of the outlines and material files, by the name that the study file has for them.
+    """
+
+    file: str
+    content: dict[str, Any]
+    sha256: dict[str, str] = Field(default_factory=dict)
+    files: dict[str, dict[str, Any]] = Field(default_factory=dict)
+
+
+RUN_FILE = "run.json"
+
+FORMAT: Literal[2] = 2
+"""Of run.json; 1 was that of calfsocket 0.1."""
+
+
+class StudyRecord(Strict):
+    """A study in its run.json: inputs, versions, and how each case ended.
+
+    Attributes
+    ----------
+    program, format
+        Mark the file as ours.
+    versions, petsc_options : mapping of str to str
+        What the numbers depend on besides the inputs.
+    ranks : int
+        MPI ranks of the run.
+    study : StudySource
+        The file that repeats it.
+    settings : mapping
+        Tables `model` and `steps` of the study file, defaults filled in.
+    limb : Limb
+        The section.
+    sockets : mapping of str to socket
+        Each case's socket, by the name in the tables.
+    laws : mapping
+        Material set -> tissue or region -> law.
+    inputs : mapping of str to str
+        Fingerprint of what the result of each case depends on.
+    thresholds : list of mapping
+        Those of the study.
+    finished : bool
+        Whether the last run of the study came to its end.
+    seconds : float
+        Wall time of that run.
+    cases : mapping of str to CaseRecord
+        By the name of the case's folder, in the order of the study.
+    """
+
+    program: Literal["calfsocket"] = "calfsocket"
+    format: Literal[2] = FORMAT
+    versions: dict[str, str]
+    petsc_options: dict[str, str]
+    ranks: int
+    study: StudySource
+    settings: dict[str, dict[str, Any]]
+    limb: Limb
+    sockets: dict[str, AnySocket]
+    laws: dict[str, dict[str, AnyLaw]]
+    inputs: dict[str, str]
+    thresholds: tuple[dict[str, Any], ...] = ()
+    finished: bool = False
+    seconds: float = 0.0
+    cases: dict[str, CaseRecord]
+
+
+def read_run(path: Path) -> StudyRecord:
+    """Read the run.json of a study.
+
+    Raises
+    ------
+    InputError
+        If it is none, or was written by another version.
+    """
+    try:
+        content = json.loads(read_text(path))
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: is nested too deeply") from None
+    if not isinstance(content, dict) or content.get("program") != "calfsocket":
+        raise InputError(
+            f"{path}: is not the run.json of a study; name a study file, or a run.json that this "
+            "version wrote"
+        )
+    if content.get("format") != FORMAT:
+        version = content.get("versions", {}).get("calfsocket", "another version")
+        raise InputError(
+            f"{path}: was written by calfsocket {version}, whose run.json this version does not "
+            "read; solve the study file again, or use that version"
+        )
+    return checked(path, content, StudyRecord, units_required=False)

@@ -9,7 +9,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, read_toml
 from calfsocket.materials.file import law_in
 from calfsocket.materials.laws import Law
-from calfsocket.meshes.data import Point
+from calfsocket.meshes.curves import Point
 
 
 class Files:
@@ -47,6 +47,13 @@ class Files:
         if name not in self._content:
             self._read(name, read_toml)
         return law_in(self._folder / name, self._content[name]["content"])
+
+    def laws(self, tables: Mapping[str, Any]) -> dict[str, Law]:
+        """Laws by name, of tables that are laws or name material files."""
+        return {
+            name: table if isinstance(table, Law) else self.law(table.file)
+            for name, table in tables.items()
+        }
 
     def _read(self, name: str, read: Callable[[Path], Any]) -> None:
         if self._recorded is not None:

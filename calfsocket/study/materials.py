@@ -1,6 +1,5 @@
 """A material set in a study file: one of the paper's two, with custom laws in it."""
 
-from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -8,8 +7,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 from calfsocket.io.schema import Strict
 from calfsocket.materials.laws import IN_FILES, AnyLaw, Law
 from calfsocket.materials.material_set import BaseSet
-from calfsocket.study.files import Files
-from calfsocket.study.quantities import File
+from calfsocket.study.names import File
 
 _NAMES = ", ".join(IN_FILES)
 
@@ -40,7 +38,7 @@ LawOrFile = Annotated[
 ]
 
 
-class MaterialSetEntry(BaseModel):
+class MaterialSetTable(BaseModel):
     """Laws by tissue or region: all other keys are names of these.
 
     In a set like "combined", `combined` is the law that muscle and fascia share.
@@ -51,14 +49,7 @@ class MaterialSetEntry(BaseModel):
 
     like: BaseSet = "separate"
 
-    def laws(self, files: Files) -> dict[str, Law]:
-        """Laws by tissue or region."""
-        return laws(self.__pydantic_extra__ or {}, files)
-
-
-def laws(entries: Mapping[str, Any], files: Files) -> dict[str, Law]:
-    """Laws by name, of what `LawOrFile` gives."""
-    return {
-        name: entry if isinstance(entry, Law) else files.law(entry.file)
-        for name, entry in entries.items()
-    }
+    @property
+    def laws(self) -> dict[str, Any]:
+        """Laws, or their files, by tissue or region."""
+        return self.__pydantic_extra__ or {}

@@ -3,11 +3,6 @@
 import textwrap
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,18 +10,18 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path as Outline
 
 from calfsocket.io.files import replacing
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.loops import limb_curves
-from calfsocket.meshes.sockets import socket_faces
+from calfsocket.meshes.limb import limb_curves
+from calfsocket.meshes.socket import AnySocket
 from calfsocket.plotting import section as drawing
-from calfsocket.simulation.case import Case
-from calfsocket.study.plan import Plan
+from calfsocket.study.cases import Case, Plan
 
 STEP_MM = 0.3  # of the points that curves are drawn by
 MOST_SHOWN = 9
 MOST_LISTED = 24
 OVERLAP = "#d55e00"
-OWN_LAW = "#7b3f9d"
+CUSTOM_LAW = "#7b3f9d"
 PANEL_INCH, LINE_INCH = 4.0, 0.135
 
 
@@ -38,7 +33,7 @@ def draw(plan: Plan, path: Path) -> None:
     lines = _lines(plan, len(sockets))
     text = LINE_INCH * (len(lines) + 2)
     size = (max(columns * PANEL_INCH, 8.0), rows * (PANEL_INCH + 0.5) + text + 0.5)
-    figure = plt.figure(figsize=size, dpi=150)
+    figure = Figure(figsize=size, dpi=150)
     for number, case in enumerate(sockets):
         row, column = divmod(number, columns)
         left = column / columns
@@ -52,15 +47,13 @@ def draw(plan: Plan, path: Path) -> None:
     )  # fmt: skip
     with replacing(path) as temporary:
         figure.savefig(temporary, facecolor="white")
-    plt.close(figure)
 
 
 def _different(plan: Plan) -> list[Case]:
-    """One case for each geometry, and each choice of regions with laws of their own."""
-    sockets = plan.sockets.model_copy(update={"sockets": {**plan.sockets.sockets, **plan.shapes}})
-    found: dict[str, Case] = {}
+    """Return one case for each socket."""
+    found: dict[AnySocket, Case] = {}
     for case in plan.cases:
-        found.setdefault(sockets.socket(case.socket).model_dump_json(exclude={"name"}), case)
+        found.setdefault(case.socket.model_copy(update={"name": ""}), case)
     return list(found.values())[:MOST_SHOWN]
 
 
@@ -68,16 +61,21 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     limb = plan.limb
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
-    sockets = plan.sockets.model_copy(update={"sockets": {**plan.sockets.sockets, **plan.shapes}})
-    socket = sockets.socket(case.socket)
-    inner, outer = socket_faces(socket, skin)
+    socket = case.socket
+    inner, outer = socket.faces(skin)
     for region in limb.regions:
         outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))
         colour = drawing.TISSUE_COLOURS[region.tissue]
         drawing.draw_path(axes, outline, facecolor=colour, edgecolor=drawing.OUTLINE, linewidth=0.4)
-        if region.name in _own_regions(plan):
+        if region.name in _custom_regions(plan):
             drawing.draw_path(
-                axes, outline, fill=False, edgecolor=OWN_LAW, linewidth=1.4, hatch="///", zorder=3
+                axes,
+                outline,
+                fill=False,
+                edgecolor=CUSTOM_LAW,
+                linewidth=1.4,
+                hatch="///",
+                zorder=3,
             )
     ring, body = _path(outer, inner), _path(skin)
     drawing.draw_path(axes, ring, facecolor=drawing.SOCKET, alpha=0.9, linewidth=0, zorder=4)
@@ -93,10 +91,9 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     drawing.frame(axes, window)
     drawing.mark_directions(axes, window, fontsize=7, margin=0.5)
     drawing.scale_bar(axes, window, fontsize=7)
-    on = plan.placements[case.socket]
-    name = case.socket.split("@")[0]
+    on = case.placement
     axes.set_title(
-        f"{name}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
+        f"{case.of[0]}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
         f"area\npresses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, on "
         f"{100 * on.touching:.0f} % of the skin",
         fontsize=8,
@@ -104,11 +101,17 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     )
 
 
-def _own_regions(plan: Plan) -> set[str]:
-    """Regions that some set of the study gives a law of their own."""
-    regions = {region.name for region in plan.limb.regions}
-    named = {name for case in plan.cases for name in (case.settings or plan.settings).materials}
-    return (named & regions) - set(drawing.SOFT_TISSUES)
+def _custom_regions(plan: Plan) -> set[str]:
+    """Return regions that some material set of the study gives a law of their own."""
+    return {name for case in plan.cases for name in case.materials.regions}
+
+
+def custom_laws(case: Case) -> list[str]:
+    """Return the tissues and regions whose law is not that of the set it starts from."""
+    materials, model = case.materials, case.document.model
+    paper = MaterialSet.paper(materials.base, model.fascia_c10, model.ogden_form)
+    changed = [name for name, law in materials.laws.items() if law != paper.laws[name]]
+    return sorted([*changed, *materials.regions])
 
 
 def _points(curve: ClosedCurve) -> np.ndarray:
@@ -116,14 +119,10 @@ def _points(curve: ClosedCurve) -> np.ndarray:
 
 
 def _path(outer: ClosedCurve, *holes: ClosedCurve) -> Outline:
-    """Path of a region; holes turn the other way."""
-    parts = [Outline(_closed(_points(outer)), closed=True)]
-    parts += [Outline(_closed(_points(hole)[::-1]), closed=True) for hole in holes]
-    return Outline.make_compound_path(*parts)
-
-
-def _closed(points: np.ndarray) -> np.ndarray:
-    return np.vstack([points, points[:1]])
+    """Return the path of a region; holes turn the other way."""
+    loops = [_points(outer), *(_points(hole)[::-1] for hole in holes)]
+    closed = [Outline(np.vstack([loop, loop[:1]]), closed=True) for loop in loops]
+    return Outline.make_compound_path(*closed)
 
 
 def _draw_legend(figure: Figure, bottom_inch: float) -> None:
@@ -131,7 +130,7 @@ def _draw_legend(figure: Figure, bottom_inch: float) -> None:
     handles += [
         Patch(color=drawing.SOCKET, label="socket"),
         Patch(color=OVERLAP, label="overlap"),
-        Patch(facecolor="white", edgecolor=OWN_LAW, hatch="///", label="law of its own"),
+        Patch(facecolor="white", edgecolor=CUSTOM_LAW, hatch="///", label="custom law"),
     ]
     figure.legend(
         handles=handles, ncols=len(handles), loc="center", fontsize=7.5, frameon=False,
@@ -141,21 +140,20 @@ def _draw_legend(figure: Figure, bottom_inch: float) -> None:
 
 
 def _lines(plan: Plan, drawn: int) -> list[str]:
-    """Tell in words what would be solved."""
-    settings = plan.settings
+    """Describe in words what would be solved."""
+    model, steps = plan.document.model, plan.document.steps
     lines = [
-        f"{len(plan.cases)} cases; mesh {settings.size}, friction {settings.contact.fric_coeff:g}, "
-        f"socket {settings.socket_support}, steps of {settings.steps.first:g} to "
-        f"{settings.steps.largest:g}"
+        f"{len(plan.cases)} cases; mesh {model.size}, friction {model.friction:g}, socket "
+        f"{model.socket_support}, steps of {steps.first:g} to {steps.largest:g}"
     ]
     lines += [
-        f"threshold: {each.outcome} in {each.tissue} above {each.value:g} {each.unit}"
+        f"threshold: {each.quantity} in {each.tissue} above {each.value:g} {each.unit}"
         for each in plan.thresholds
     ]
     for case in plan.cases[:MOST_LISTED]:
-        own = sorted((case.settings or settings).materials)
-        told = f"  own laws: {', '.join(own)}" if own else ""
-        lines += textwrap.wrap(f"{case.name}{told}", 110, subsequent_indent="    ")
+        custom = custom_laws(case)
+        words = f"  custom laws: {', '.join(custom)}" if custom else ""
+        lines += textwrap.wrap(f"{case.name}{words}", 110, subsequent_indent="    ")
     if len(plan.cases) > MOST_LISTED:
         lines.append(f"and {len(plan.cases) - MOST_LISTED} more")
     if drawn == MOST_SHOWN:

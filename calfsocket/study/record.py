@@ -1,28 +1,26 @@
-"""The run.json and cases.csv of a study: what is asked for, what is solved, what failed and why."""
+"""The run.json and cases.csv of a study, kept up to date while it runs."""
 
 import logging
 import time
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from petsc4py import PETSc
 
+from calfsocket.io.errors import InputError
 from calfsocket.io.files import remove_unfinished, replacing, write_json
 from calfsocket.io.versions import versions
-from calfsocket.simulation.case import Case
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.profile import PROFILE_FILE
-from calfsocket.study import restart as resume
-from calfsocket.study import sweep_table
-from calfsocket.study.inventory import about, laws_of_sets
+from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.results import KEY
+from calfsocket.study import restart, sweep_table
+from calfsocket.study.cases import Case, Plan
 from calfsocket.study.sweep_table import SWEEP_FILE
 
-if TYPE_CHECKING:
-    from calfsocket.study.study import Study
-
-KEY = ("socket", "material_set")
-RUN_FILE = "run.json"
 CASES_FILE = "cases.csv"
 CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
 """Tables in which a case has rows of its own."""
@@ -32,120 +30,186 @@ FILES = (*CASE_TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
 log = logging.getLogger(__name__)
 
 
-class Ledger:
-    """The run.json and cases.csv of a study, kept up to date by rank 0.
+def conditions() -> dict[str, Any]:
+    """Return what numbers depend on besides the inputs."""
+    return {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
+
+
+class Recorder:
+    """Keeps run.json and cases.csv, on rank 0.
 
     Parameters
     ----------
-    study, ranks
-        What is solved, and by how many ranks.
-    go_on
+    plan, out, ranks
+        What is solved, where results go, and the number of ranks.
+    resume : bool
         Whether cases that an earlier run has finished are kept.
 
     Attributes
     ----------
-    to_solve : list of Case
-        The study's cases apart from those that are kept.
+    to_solve : tuple of Case
+        The chosen cases apart from those that are kept.
+
+    Raises
+    ------
+    InputError
+        If the earlier run was made under other conditions.
     """
 
-    def __init__(self, study: "Study", ranks: int, go_on: bool = False) -> None:
-        self._out = study.out
+    def __init__(self, plan: Plan, out: Path, ranks: int, resume: bool = False) -> None:
+        self._plan, self._out = plan, out
         self._start = time.perf_counter()
-        self._study = study
-        self._asked = [case.name for case in study.cases]
-        conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
-        for folder in (study.out, *(study.out / name for name in self._asked)):
+        self._asked = [case.name for case in plan.to_solve]
+        for folder in (out, *(out / name for name in self._asked)):
             remove_unfinished(folder)
-        earlier = resume.earlier_run(study.out / RUN_FILE, conditions if go_on else {})
-        self.to_solve = [
-            case for case in study.cases if not (go_on and _is_kept(study, case, earlier["cases"]))
-        ]
-        inputs = study.inputs()
-        inputs["cases"] = earlier["inputs"].get("cases", {}) | inputs["cases"]
-        self._content = {
-            "program": "calfsocket",
-            **conditions,
-            "ranks": ranks,
-            "study": dict(study.origin),
-            "inputs": inputs,
-            "laws": laws_of_sets(study.order, study.settings, study.limb),
-            "limb": study.limb.model_dump(mode="json"),
-            "sockets": study.all_sockets.model_dump(mode="json", exclude_none=True),
-            "finished": False,
-            "seconds": 0.0,
-            "cases": earlier["cases"]
-            | {case.name: {**about(case), "status": "running"} for case in self.to_solve},
-        }
+        now = conditions()
+        earlier = restart.earlier_run(out / RUN_FILE, now if resume else None)
+        before = earlier.cases if earlier else {}
+        self.to_solve = tuple(
+            case for case in plan.to_solve if not (resume and self._is_kept(case, before))
+        )
+        records = {case.name: case.record for case in self.to_solve}
+        self._record = StudyRecord(
+            **now,
+            ranks=ranks,
+            study=plan.source,
+            settings=plan.settings,
+            limb=plan.limb,
+            sockets={case.socket.name: case.socket for case in plan.cases},
+            laws=laws_of_sets(plan),
+            inputs=(earlier.inputs if earlier else {}) | plan.fingerprints,
+            thresholds=tuple(asdict(threshold) for threshold in plan.thresholds),
+            cases=before | records,
+        )
         self._write()
 
-    def record(self, entry: dict[str, Any]) -> None:
-        """Put in how a case ended; a full disk now need not stop the cases that run."""
-        self._content["cases"][entry.pop("name")] = entry
+    def _is_kept(self, case: Case, earlier: Mapping[str, CaseRecord]) -> bool:
+        known = earlier.get(case.name)
+        if known is None or known.status != "solved":
+            return False
+        why = restart.damage(known.files, case_digests(self._out, case))
+        log.info("%s: %s", case.name, why or "solved already")
+        return not why
+
+    def put(self, record: CaseRecord) -> None:
+        """Enter how a case ended; a full disk at this moment does not stop the cases that run."""
+        self._record.cases[record.name] = record
         try:
             self._write()
         except OSError as error:
             log.warning("%s", error)
 
     def close(self) -> bool:
-        """Mark the study as finished; tell whether every case asked for was solved.
+        """Mark the study as finished, and return whether every case asked for was solved.
 
         Raises
         ------
         WriteError
-            When that cannot be written.
+            If that cannot be written.
         """
-        self._content["finished"] = True
+        self._record = self._record.model_copy(update={"finished": True})
         self._write()
-        entries = {name: self._content["cases"][name] for name in self._asked}
-        failed = {name: each for name, each in entries.items() if each["status"] != "solved"}
+        records = [self._record.cases[name] for name in self._asked]
+        failed = [record for record in records if record.status != "solved"]
         if failed:
             log.warning(
-                "%d of %d cases failed; with --resume they are tried again:",
-                len(failed),
-                len(entries),
+                "%d of %d cases failed; --resume tries them again:", len(failed), len(records)
             )
-        for name, entry in failed.items():
-            log.warning("%s: %s", name, entry["message"])
+        for record in failed:
+            log.warning("%s: %s", record.name, record.message)
         return not failed
 
     def _write(self) -> None:
-        self._content["seconds"] = time.perf_counter() - self._start
-        write_json(self._out / RUN_FILE, self._content)
+        seconds = time.perf_counter() - self._start
+        self._record = self._record.model_copy(update={"seconds": seconds})
+        cases = self._record.cases
+        write_json(self._out / RUN_FILE, self._record.model_dump(mode="json", exclude_none=True))
         with replacing(self._out / CASES_FILE) as temporary:
-            _cases_table(self._content["cases"]).to_csv(temporary, index=False)
-        if self._study.sweep:
-            status = {name: each["status"] for name, each in self._content["cases"].items()}
-            sweep_table.write(self._out, self._study.sweep, self._study.order, status)
+            cases_table(cases.values()).to_csv(temporary, index=False)
+        if self._plan.parameters:
+            sweep_table.write(self._out, self._plan, cases)
         for name in self._asked:
-            if self._content["cases"][name]["status"] == "solved":
-                # Its files hold all there is to know; one that failed may be gone on with.
+            if cases[name].status == "solved":
+                # Its files hold all there is to know; one that failed may be resumed.
                 (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
-def _is_kept(study: "Study", case: Case, earlier: Mapping[str, Any]) -> bool:
-    if earlier.get(case.name, {}).get("status") != "solved":
-        return False
-    why = resume.damage(earlier[case.name], case_digests(study, case))
-    log.info("%s: %s", case.name, why or "solved already")
-    return not why
+def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
+    """Return the laws of each material set by tissue or region, without those of sockets."""
+    found: dict[str, dict[str, Any]] = {}
+    for case in plan.cases:
+        laws = case.materials.tissue_laws() | dict(case.materials.regions)
+        found.setdefault(case.materials.name, laws)
+    return found
 
 
-def case_digests(study: "Study", case: Case) -> dict[str, str | None]:
-    """Give the digests of a case's files and rows."""
-    return resume.digests(study.out, case.name, dict(zip(KEY, case.key, strict=True)), CASE_TABLES)
+def case_digests(out: Path, case: Case) -> dict[str, str | None]:
+    """Return the digests of a case's files and table rows."""
+    key = dict(zip(KEY, case.key, strict=True))
+    return restart.digests(out, case.name, key, CASE_TABLES)
 
 
-def _cases_table(entries: Mapping[str, Any]) -> pd.DataFrame:
-    """Rows of cases.csv: how each case ended, and why."""
+def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
+    """Return the rows of cases.csv: how each case ended, and why."""
     return pd.DataFrame(
         [
             {
-                "case": name,
-                "status": entry["status"],
-                "load": entry.get("load", ""),
-                "message": entry.get("message", ""),
-                "warnings": "; ".join(entry.get("warnings", [])),
+                "case": record.name,
+                "status": record.status,
+                "load": record.checks.load if record.checks else "",
+                "message": record.message,
+                "warnings": "; ".join(record.warnings),
             }
-            for name, entry in entries.items()
+            for record in records
         ]
     )
+
+
+def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
+    """Refuse a folder whose results were made from other inputs.
+
+    Raises
+    ------
+    InputError
+        If the folder holds results of other inputs, unless they may be overwritten, or cannot be
+        written.
+    """
+    path = out / RUN_FILE
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if overwrite:
+            for name in FILES:
+                (out / name).unlink(missing_ok=True)
+        if not path.exists():
+            return
+    except OSError as error:
+        raise InputError(f"--out {out}: {error}; name a folder that can be written") from None
+    try:
+        before = read_run(path)
+    except InputError as error:
+        raise InputError(f"{error}; or add --overwrite to replace the results") from None
+    now = {"settings": plan.settings, "thresholds": [asdict(each) for each in plan.thresholds]}
+    then = {"settings": before.settings, "thresholds": list(before.thresholds)}
+    changed = [
+        f"case {name}"
+        for name, fingerprint in plan.fingerprints.items()
+        if before.inputs.get(name, fingerprint) != fingerprint
+    ]
+    if changed or now["thresholds"] != then["thresholds"]:
+        # What differs in the file's tables says more than the names of the cases.
+        words = sorted(_differences(then, now)) or changed
+        raise InputError(
+            f"--out {out}: holds results made from other inputs ({', '.join(words)}); "
+            "name another folder, or add --overwrite to replace them"
+        )
+
+
+def _differences(before: Any, now: Any, path: str = "") -> set[str]:
+    """Return the dotted names of the values that differ."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        found: set[str] = set()
+        for key in before.keys() | now.keys():
+            name = f"{path}.{key}" if path else str(key)
+            found |= _differences(before.get(key), now.get(key), name)
+        return found
+    return set() if before == now else {path}

@@ -1,7 +1,6 @@
-"""What a run that was stopped has left in its folder, and what of it is kept."""
+"""What a run that was stopped has left in its folder, and which of it is kept."""
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.vtu import FIELDS_FILE
+from calfsocket.simulation.record import StudyRecord, read_run
 
 CASE_FILES = (FIELDS_FILE, "contact.csv")
 """Files of a finished case; its picture can be drawn again from them."""
@@ -52,55 +52,44 @@ def digests(
     return found
 
 
-def damage(entry: Mapping[str, Any], now: Mapping[str, str | None]) -> str:
-    """Say which files of a solved case are not what they were; empty where it is whole.
+def damage(then: Mapping[str, str | None], now: Mapping[str, str | None]) -> str:
+    """Say which files of a solved case are not what they were; empty where all are.
 
     Parameters
     ----------
-    entry
-        Its entry in run.json, with the `digests` when it was finished.
-    now
-        Its present `digests`.
+    then, now : mapping of str to str
+        `digests` when the case was finished, and at present.
     """
-    then = entry.get("files") or {}
     changed = [file for file in now if now[file] is None or now[file] != then.get(file)]
-    return f"solved anew, missing or changed since: {', '.join(changed)}" if changed else ""
+    return f"solved again, missing or changed since: {', '.join(changed)}" if changed else ""
 
 
-def earlier_run(path: Path, conditions: Mapping[str, Any]) -> dict[str, Any]:
-    """Read an earlier run.json, if that run was made under the same conditions.
+def earlier_run(path: Path, conditions: Mapping[str, Any] | None) -> StudyRecord | None:
+    """Read an earlier run.json.
 
     Parameters
     ----------
-    path
-        The run.json; there need be none.
-    conditions
-        What in it must be the same, e.g. versions.
-
-    Returns
-    -------
-    dict
-        Its content; that of a run without cases where there is none.
+    path : Path
+        The run.json; None is returned where there is none.
+    conditions : mapping, optional
+        Values that it must have, e.g. of `versions`.
 
     Raises
     ------
     InputError
-        When it cannot be read, or conditions differ.
+        If it cannot be read, or conditions differ.
     """
     if not path.exists():
-        return {"inputs": {}, "cases": {}}
+        return None
     try:
-        run: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        run["inputs"].keys(), run["cases"].keys()
-        differing = [name for name, value in conditions.items() if run[name] != value]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"{path}: cannot be read ({error!r}); add --overwrite to start anew"
-        ) from None
+        run = read_run(path)
+    except InputError as error:
+        raise InputError(f"{error}; or add --overwrite to start from nothing") from None
+    differing = [key for key, value in (conditions or {}).items() if getattr(run, key) != value]
     if differing:
         raise InputError(
             f"{path}: made with other {' and '.join(differing)}, so that numbers may differ; "
-            "repeat it with those, or leave --resume out to solve everything anew"
+            "repeat it with those, or leave --resume out to solve all cases again"
         )
     return run
 

@@ -1,173 +1,253 @@
-"""One case of a study on its group of ranks: solved, written, and agreed upon."""
+"""The cases of a study, solved side by side by groups of ranks."""
 
+import ctypes
+import gc
 import logging
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
+from pathlib import Path
 
 import pandas as pd
-from petsc4py import PETSc
+from mpi4py import MPI
+from rich.console import Console
 
-from calfsocket.io.errors import CalfsocketError, InputError, SolveError, in_one_line
-from calfsocket.io.files import replacing
-from calfsocket.io.tables import FLOAT_FORMAT, merge_csv
-from calfsocket.io.versions import versions
+from calfsocket.io.errors import (
+    CalfsocketError,
+    ConvergenceError,
+    InputError,
+    SolveError,
+    in_one_line,
+)
+from calfsocket.io.tables import merge_csv
 from calfsocket.mechanics.stepping import LoadStep, Milestone
-from calfsocket.parallel.progress import Event
-from calfsocket.parallel.scheduler import Farm
-from calfsocket.postprocess import quantities as outcomes
-from calfsocket.postprocess.contact_line import ContactLine
-from calfsocket.postprocess.extract import contact_line, section_fields
-from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.thresholds import threshold_rows
-from calfsocket.postprocess.vtu import write_fields
-from calfsocket.simulation.case import Case, Run, region_tissues
-from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, Checkpoint, CheckpointError
+from calfsocket.parallel.progress import Event, Reporter
+from calfsocket.parallel.scheduler import Scheduler
+from calfsocket.postprocess.thresholds import shares_beyond
+from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
+from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import PROFILE_FILE, Profile
-from calfsocket.study.record import KEY, case_digests
-
-if TYPE_CHECKING:
-    from calfsocket.study.study import Study
+from calfsocket.simulation.record import CaseRecord
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import KEY, of_case
+from calfsocket.simulation.simulation import Monitor, Simulation, steps_table
+from calfsocket.study.cases import Case, Plan
+from calfsocket.study.record import Recorder, case_digests
 
 log = logging.getLogger(__name__)
 
 
-def try_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, Any]:
-    """Solve a case; where it cannot be, and all ranks of the group know, say why.
+class Runner:
+    """Solves the cases of a study and writes their results.
 
-    Raises
-    ------
-    Exception
-        On a rank that cannot go on while the others wait for it in vain.
+    Parameters
+    ----------
+    comm : MPI.Intracomm
+        All ranks.
+    plan : Plan
+        What is solved.
+    out : Path
+        Folder of the results.
+    ranks_per_case : int, optional
+        Ranks that solve one case together; by default cases run side by side.
+    pictures, profile : bool
+        Whether to draw each case, and to write where the time goes.
+    console : rich.console.Console, optional
+        Where progress is shown; standard error by default.
     """
-    entry: dict[str, Any] = {}
-    failure: Exception | None = None
-    try:
-        entry = _run_case(farm, study, case, go_on)
-    except Exception as error:
-        failure = error
-    try:
-        message = farm.agree(in_one_line(failure) if failure else "")
-    except TimeoutError as error:
-        assert failure is not None
-        # Nobody waits for this rank to refuse the input together with it.
-        raise (SolveError(error) if isinstance(failure, InputError) else failure) from None
-    if message:
-        farm.report(Event(case.name, f"failed: {message}", None, milestone=True))
-        entry = {"status": "failed", "message": message}
-        if failure and not isinstance(failure, CalfsocketError):
-            entry["traceback"] = traceback.format_exception(failure)
-    return entry
+
+    def __init__(
+        self,
+        comm: MPI.Intracomm,
+        plan: Plan,
+        out: Path,
+        ranks_per_case: int | None = None,
+        pictures: bool = True,
+        profile: bool = False,
+        console: Console | None = None,
+    ) -> None:
+        self.comm, self.plan, self.out = comm, plan, out
+        self.ranks_per_case = ranks_per_case
+        self.pictures, self.profile = pictures, profile
+        self.console = console or Console(stderr=True)
+
+    def run(self, resume: bool = False) -> bool:
+        """Solve every case (collective); return whether all reached the full load.
+
+        Parameters
+        ----------
+        resume : bool
+            Keep the cases that an earlier run has finished, and start those that it had begun from
+            their last equilibrium.
+
+        Raises
+        ------
+        InputError
+            If the earlier run cannot be resumed.
+        WriteError
+            If run.json cannot be written.
+        """
+        recorder, cases = self._begin(resume)
+        if cases:
+            self._solve(cases, recorder, resume)
+        return bool(self.comm.bcast(recorder.close() if recorder else None, root=0))
+
+    def _begin(self, resume: bool) -> tuple[Recorder | None, tuple[Case, ...]]:
+        """Open the record on rank 0; return it there, and the cases to solve on all ranks."""
+        recorder, refusal = None, None
+        numbers: list[int] = []
+        if self.comm.rank == 0:
+            try:
+                recorder = Recorder(self.plan, self.out, self.comm.size, resume)
+                numbers = [self.plan.cases.index(case) for case in recorder.to_solve]
+            except CalfsocketError as error:
+                refusal = error
+        refusal, numbers = self.comm.bcast((refusal, numbers), root=0)
+        if refusal is not None:
+            raise refusal
+        return recorder, tuple(self.plan.cases[number] for number in numbers)
+
+    def _solve(self, cases: tuple[Case, ...], recorder: Recorder | None, resume: bool) -> None:
+        reporter = Reporter([case.name for case in cases], self.console) if recorder else None
+
+        def on_report(message: Event | CaseRecord) -> None:
+            assert recorder is not None and reporter is not None
+            if isinstance(message, Event):
+                reporter.show(message)
+            else:
+                recorder.put(message)
+
+        with reporter or nullcontext():
+            precompile(self.comm, [case.materials for case in cases])
+            scheduler = Scheduler(self.comm, len(cases), self.ranks_per_case, on_report)
+            if scheduler.n_groups > 1:
+                cases = longest_first(cases)
+            while (number := scheduler.next_case()) is not None:
+                runner = _CaseRunner(self, scheduler, cases[number])
+                scheduler.report(runner.attempt(resume))
+                _return_memory()
+            scheduler.finish()
 
 
-def _run_case(farm: Farm, study: "Study", case: Case, go_on: bool) -> dict[str, Any]:
-    """Solve a case on this group of ranks and write its files; return its entry of run.json."""
-    root = farm.group.rank == 0
-    rows: list[dict[str, Any]] = []
-    profile = Profile() if study.profile else None
-    troubles: set[str] = set()
+class _CaseRunner(Monitor):
+    """One case on its group of ranks: solved, written, and its end agreed upon."""
 
-    def tell(text: str, load: float, milestone: bool = False) -> None:
-        farm.report(Event(case.name, text, load, milestone))
+    def __init__(self, study: Runner, scheduler: Scheduler, case: Case) -> None:
+        self._study, self._scheduler, self._case = study, scheduler, case
+        self._steps: list[LoadStep] = []
+        self._is_root = scheduler.group.rank == 0
+        self._troubles: set[str] = set()
 
-    @contextmanager
-    def in_passing(load: float) -> Iterator[None]:
-        """Say once what cannot be written, and go on: it may be at the end."""
+    def attempt(self, resume: bool) -> CaseRecord:
+        """Solve the case; where it cannot be, and all ranks of the group know, say why.
+
+        Raises
+        ------
+        Exception
+            On a rank that cannot continue while the others wait for it in vain.
+        """
+        record, failure = self._case.record, None
         try:
-            yield
-        except OSError as error:
-            text = in_one_line(error)
-            if text not in troubles:
-                tell(text, load, True)
-            troubles.add(text)
+            record = self._solve(resume)
+        except Exception as error:
+            failure = error
+        try:
+            message = self._scheduler.agree(in_one_line(failure) if failure else "")
+        except TimeoutError as error:
+            assert failure is not None
+            # Nobody waits for this rank to refuse the input together with it.
+            raise (SolveError(error) if isinstance(failure, InputError) else failure) from None
+        if not message:
+            return record
+        self._report(f"failed: {message}", None)
+        unforeseen = failure is not None and not isinstance(failure, CalfsocketError)
+        trace = tuple(traceback.format_exception(failure)) if unforeseen else ()
+        return record.model_copy(
+            update={"status": "failed", "message": message, "traceback": trace}
+        )
 
-    def on_step(step: LoadStep) -> None:
+    def _solve(self, resume: bool) -> CaseRecord:
+        study, case = self._study, self._case
+        simulation = case.simulation(self._scheduler.group)
+        profile = Profile() if study.profile else None
+        try:
+            result = simulation.solve(
+                self, study.out / case.name / CHECKPOINT_FILE, resume, profile
+            )
+        except ConvergenceError as error:
+            result = error.result
+        names = {"of": case.of, "changes": dict(case.changes)}
+        result = replace(result, record=result.record.model_copy(update=names))
+        if self._is_root:
+            self._write(simulation, result)
+            if profile:
+                times = profile.rows(simulation.phases.seconds)
+                self._merge(PROFILE_FILE, times)
+        record = result.record
+        text = record.message or "; ".join(["solved", *record.warnings])
+        self._report(text, result.checks.load)
+        digests = case_digests(study.out, case) if self._is_root else {}
+        return record.model_copy(update={"seconds": simulation.phases.seconds, "files": digests})
+
+    # -- what it writes -------------------------------------------------------------------------
+
+    def _write(self, simulation: Simulation, result: Result) -> None:
+        study, phases = self._study, simulation.phases
+        folder = study.out / self._case.name
+        with phases("quantities"):
+            shares = shares_beyond(result.quantities, result.line, study.plan.thresholds)
+            summary = pd.concat([result.summary(), shares]) if len(shares) else result.summary()
+        with phases("files"):
+            result.save(folder)
+            self._merge("contact.csv", result.contact)
+            self._merge("summary.csv", summary)
+            self._merge("steps.csv", result.steps)
+        if study.pictures:
+            with phases("picture"), logged(f"no picture of {self._case.name}"):
+                result.draw(folder)
+
+    def _merge(self, name: str, rows: pd.DataFrame) -> None:
+        """Put the case's rows into a table that all cases share."""
+        named = of_case(rows, self._case.key)
+        merge_csv(self._study.out / name, named, KEY, self._study.plan.order)
+
+    # -- what the simulation reports ------------------------------------------------------------
+
+    def message(self, text: str, load: float, milestone: bool = False) -> None:
+        """Pass a remark on to rank 0 of all."""
+        self._report(text, load, milestone)
+
+    def resumed(self, start: Milestone) -> None:
+        """Show where the case starts, and keep the steps of the earlier run."""
+        self._report("resumes from its last equilibrium", start.load)
+        self._steps = list(start.steps)
+
+    def iteration(self, load: float, number: int, residual: float) -> None:
+        """Show an iteration of Newton's method."""
+        self._report(f"iteration {number}, residual {residual:.1e} N/mm", load, False)
+
+    def step(self, step: LoadStep) -> None:
+        """Show a load step, and write it."""
         newton = step.newton
         how = "Newton" if newton.converged else f"failed ({newton.reason}) after"
-        tell(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load, True)
-        rows.append(_step_row(case, step))
-        if root:
-            with in_passing(step.load):
-                _merge(study, "steps.csv", pd.DataFrame(rows))
+        self._report(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load)
+        self._steps.append(step)
+        if self._is_root:
+            try:
+                self._merge("steps.csv", steps_table(self._steps))
+            except OSError as error:  # it may be possible at the end
+                text = in_one_line(error)
+                if text not in self._troubles:
+                    self._report(text, step.load)
+                self._troubles.add(text)
 
-    def on_milestone(milestone: Milestone) -> None:
-        with run.phase("checkpoints"), in_passing(milestone.load):
-            checkpoint.save(milestone)
-
-    tell("mesh and set-up", 0.0, True)
-    run = Run(
-        farm.group,
-        case,
-        study.settings_of(case),
-        study.limb,
-        study.socket(case),
-        on_iteration=lambda load, k, norm: tell(f"iteration {k}, residual {norm:.1e} N/mm", load),
-        on_step=on_step,
-        on_milestone=on_milestone,
-    )
-    checkpoint = Checkpoint(
-        study.out / case.name / CHECKPOINT_FILE,
-        run.model,
-        {
-            **study.inputs_of(case),
-            "versions": versions(),
-            "petsc_options": PETSc.Options().getAll(),
-        },
-    )
-    start: Milestone | None = None
-    if go_on:
-        try:
-            start = checkpoint.load()
-        except CheckpointError as error:  # on all ranks
-            tell(f"starts anew: {error}", 0.0, True)
-    if start is not None:
-        tell("goes on from its last equilibrium", start.load, True)
-        rows += [_step_row(case, step) for step in start.steps]
-    if profile:
-        profile.start()
-    run.solve(start)
-    if profile:
-        profile.stop()
-    checks = run.checks()
-    with run.phase("outcomes"):
-        fields = section_fields(run.model, region_tissues(study.limb))
-        line = contact_line(run.model)
-    if fields is not None and line is not None:
-        with run.phase("files"):
-            _write_case(study, case, fields, line)
-        if rows:
-            rows[-1]["negative_modes"] = checks["negative_modes"]
-            _merge(study, "steps.csv", pd.DataFrame(rows))
-        if study.pictures:
-            with run.phase("picture"), attempt(f"no picture of {case.name}"):
-                # Half a second to import, which a study may do without.
-                from calfsocket.plotting import case as picture
-
-                picture.draw(study.out / case.name)
-    if profile and root:
-        times = profile.rows(run.seconds)
-        times.insert(0, "socket", case.socket)
-        times.insert(1, "material_set", case.material_set)
-        _merge(study, PROFILE_FILE, times)
-    load = float(run.model.contact.load)
-    warnings = run.warnings(checks)
-    text = run.failure or "; ".join(["solved", *warnings])
-    tell(text, load, True)
-    return {
-        "status": "failed" if run.failure else "solved",
-        "message": run.failure,
-        "warnings": warnings,
-        "ranks": farm.group.size,
-        "gone_on_from_load": start.load if start else 0.0,
-        "seconds": run.seconds,
-        **checks,
-        "files": case_digests(study, case) if root else {},
-    }
+    def _report(self, text: str, load: float | None, milestone: bool = True) -> None:
+        self._scheduler.report(Event(self._case.name, text, load, milestone))
 
 
 @contextmanager
-def attempt(what: str) -> Iterator[None]:
+def logged(what: str) -> Iterator[None]:
     """Turn a failure into a warning: results that are solved and written must not be lost."""
     try:
         yield
@@ -175,32 +255,25 @@ def attempt(what: str) -> Iterator[None]:
         log.warning("%s: %s", what, in_one_line(error))
 
 
-def _write_case(study: "Study", case: Case, fields: SectionFields, line: ContactLine) -> None:
-    folder = study.out / case.name
-    write_fields(folder, fields, case.socket, case.material_set)
-    contact = line.rows(case.socket, case.material_set)
-    with replacing(folder / "contact.csv") as temporary:
-        contact.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
-    _merge(study, "contact.csv", contact)
-    summary = outcomes.summary_rows(fields, line, case.socket, case.material_set)
-    beyond = threshold_rows(fields, line, study.thresholds, case.socket, case.material_set)
-    _merge(study, "summary.csv", pd.concat([summary, beyond]) if len(beyond) else summary)
+def longest_first(cases: Sequence[Case]) -> tuple[Case, ...]:
+    """Order cases for several groups of ranks, so that no group is left with a long one at the end.
+
+    A socket takes the more iterations the more it squeezes, and separate materials take more than
+    combined ones.
+    """
+    return tuple(
+        sorted(
+            cases,
+            key=lambda case: (-case.placement.squeezed, case.materials.base == "combined"),
+        )
+    )
 
 
-def _merge(study: "Study", name: str, rows: pd.DataFrame) -> None:
-    merge_csv(study.out / name, rows, KEY, [case.key for case in study.order])
+def _return_memory() -> None:
+    """Give back what a case leaves: Python's cycles, and pages that glibc keeps for later.
 
-
-def _step_row(case: Case, step: LoadStep) -> dict[str, Any]:
-    return {
-        "socket": case.socket,
-        "material_set": case.material_set,
-        "step": step.number,
-        "load": step.load,
-        "converged": step.newton.converged,
-        "reason": step.newton.reason,
-        "newton_iterations": step.newton.iterations,
-        "residual_N_per_mm": step.newton.residual,
-        "seconds": step.seconds,
-        "negative_modes": "",
-    }
+    The next case does not fit into their gaps: without this, six cases come to twice the memory.
+    """
+    gc.collect()
+    with suppress(AttributeError):  # not glibc
+        ctypes.CDLL(None).malloc_trim(0)

@@ -1,290 +1,237 @@
-"""The study: cases times settings, solved side by side, written case by case."""
+"""A study: the cases of a study file on one limb, and where their results go."""
 
-import ctypes
-import gc
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from mpi4py import MPI
 from rich.console import Console
 
-from calfsocket.io.errors import CalfsocketError, InputError
-from calfsocket.materials.material_set import BASE_SETS
-from calfsocket.meshes.data import Limb, Shape, Socket, Sockets
-from calfsocket.meshes.placement import check_placement
-from calfsocket.parallel.progress import Event, Reporter
-from calfsocket.parallel.scheduler import Farm
-from calfsocket.postprocess.thresholds import Threshold
-from calfsocket.simulation import precompile as compilation
-from calfsocket.simulation.case import Case, Settings, material_set
-from calfsocket.study.inventory import about
-from calfsocket.study.record import FILES, RUN_FILE, Ledger
-from calfsocket.study.runner import try_case
-from calfsocket.study.sweep_table import Sweep
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import check_readable, read_toml
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import AnySocket, reference_sockets
+from calfsocket.parallel.first_rank import on_first_rank
+from calfsocket.simulation.record import StudySource, read_run
+from calfsocket.simulation.results import Results, load_results
+from calfsocket.study.cases import Case, Plan, Planner
+from calfsocket.study.files import Files, sha256
+from calfsocket.study.record import check_folder
+from calfsocket.study.runner import Runner
 
 
 @dataclass(frozen=True)
 class Study:
-    """Cases, what they share, and where results go.
+    """The cases of a study file.
 
     Attributes
     ----------
-    cases : tuple of Case
-        In the order of the result tables.
-    settings : Settings
-        Shared by all that have none of their own.
-    limb, sockets
-        Geometry: the section, and the sockets of the reference data.
-    out : Path
-        Folder of the results.
-    pictures : bool
-        Whether to draw each case.
-    profile : bool
-        Whether to write where the time goes (profile.csv).
-    known : tuple of Case
-        All cases that a folder of this study may hold, `cases` among them, in the order of the
-        result tables; by default every socket of the reference data with every set of the paper.
-    shapes : mapping of str to Shape
-        Sockets beside those of the reference data.
-    thresholds : tuple of Threshold
-        What the summary tells besides.
-    sweep : Sweep, optional
-        What sweep.csv tells.
-    origin : mapping
-        The study file and what it read, for run.json.
+    path : Path
+        The study file, or the run.json of an earlier run.
+    content : mapping
+        As parsed.
+    files : Files
+        What it names.
+    limb : Limb
+        The section.
+    reference : mapping of str to Socket
+        The sockets that every study knows.
+    sha256 : mapping of str to str
+        Hashes of the files read so far.
+    chosen : tuple of str
+        Names of the cases to solve; all of the file where empty.
+    petsc_options : mapping
+        Of the earlier run.
     """
 
-    cases: tuple[Case, ...]
-    settings: Settings
+    path: Path
+    content: Mapping[str, Any]
+    files: Files
     limb: Limb
-    sockets: Sockets
-    out: Path
-    pictures: bool = True
-    profile: bool = False
-    known: tuple[Case, ...] = ()
-    shapes: Mapping[str, Shape] = field(default_factory=dict)
-    thresholds: tuple[Threshold, ...] = ()
-    sweep: Sweep | None = None
-    origin: Mapping[str, Any] = field(default_factory=dict)
+    reference: Mapping[str, AnySocket]
+    sha256: Mapping[str, str] = field(default_factory=dict)
+    chosen: tuple[str, ...] = ()
+    petsc_options: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def order(self) -> tuple[Case, ...]:
-        """All cases that the folder may hold, in the order of the tables."""
-        return self.known or tuple(all_cases(self.sockets))
+    # -- where it comes from --------------------------------------------------------------------
 
-    @property
-    def all_sockets(self) -> Sockets:
-        """Sockets of the reference data and the study's own."""
-        return self.sockets.model_copy(update={"sockets": {**self.sockets.sockets, **self.shapes}})
+    @classmethod
+    def read(cls, path: Path | str) -> Self:
+        """Read a study file, or the run.json of an earlier run.
 
-    def socket(self, case: Case) -> Socket:
-        """Socket of a case."""
-        return self.all_sockets.socket(case.socket)
+        Raises
+        ------
+        InputError
+            If it cannot be read, or names a limb that cannot be used.
+        """
+        path = Path(path)
+        if path.suffix == ".json":
+            return cls._of_run(path)
+        content = read_toml(path)
+        if not content:
+            raise InputError(f"{path}: is empty; `new` writes an example to start from")
+        hashes = {path.name: sha256(path)}
+        table = content.get("study")
+        name = table.get("limb") if isinstance(table, dict) else None
+        limb = Limb.reference()
+        if isinstance(name, str):
+            check_readable(path.parent / name)
+            hashes[name] = sha256(path.parent / name)
+            limb = Limb.read(path.parent / name)
+        return cls(path, content, Files(path.parent), limb, reference_sockets(), hashes)
 
-    def settings_of(self, case: Case) -> Settings:
-        """Give the settings of a case: its own, or those that all share."""
-        return case.settings or self.settings
+    @classmethod
+    def paper(cls) -> Self:
+        """Return the study of the paper, which is part of the package."""
+        return cls.read(Path(str(files("calfsocket.study") / "data" / "paper.toml")))
 
-    def inputs(self) -> dict[str, Any]:
-        """Everything that the results depend on, apart from the choice of cases."""
-        return {
-            "settings": self.settings.record(),
-            "limb": _fingerprint(self.limb.model_dump_json()),
-            "sockets": _fingerprint(self.sockets.model_dump_json(exclude_none=True)),
-            "thresholds": [asdict(threshold) for threshold in self.thresholds],
-            "cases": {case.name: self.fingerprint(case) for case in self.order},
-        }
-
-    def inputs_of(self, case: Case) -> dict[str, Any]:
-        """Everything that the solution of a case depends on."""
-        return {"limb": _fingerprint(self.limb.model_dump_json()), "case": self.fingerprint(case)}
-
-    def fingerprint(self, case: Case) -> str:
-        """Hash all that a case depends on but the limb."""
-        own = {
-            "socket": self.socket(case).model_dump(mode="json", exclude_none=True),
-            "set": case.paper_set,
-            "settings": self.settings_of(case).record(),
-        }
-        return _fingerprint(json.dumps(own))
-
-
-def run_study(
-    comm: MPI.Intracomm,
-    study: Study,
-    ranks_per_case: int | None = None,
-    console: Console | None = None,
-    go_on: bool = False,
-) -> bool:
-    """Solve every case and write its results (collective).
-
-    Cases run side by side on groups of ranks. A case that fails does not stop the others: its last
-    converged state is written, and run.json says why.
-
-    Parameters
-    ----------
-    comm, study, ranks_per_case
-        What is solved by whom.
-    console
-        Where progress is shown; standard error by default.
-    go_on
-        Keep the cases that an earlier run into the same folder has finished, and go on with those
-        that it had begun from their last equilibrium.
-
-    Returns
-    -------
-    bool
-        Whether every case reached the full load.
-
-    Raises
-    ------
-    InputError
-        When the earlier run cannot be gone on with.
-    WriteError
-        When run.json cannot be written.
-    """
-    ledger, refusal = None, None
-    cases: list[Case] = []
-    if comm.rank == 0:
-        try:
-            ledger = Ledger(study, comm.size, go_on)
-            cases = ledger.to_solve
-        except CalfsocketError as error:
-            refusal = error
-    refusal, cases = comm.bcast((refusal, cases), root=0)
-    if refusal is not None:
-        raise refusal
-    if cases:
-        console = console or Console(stderr=True)
-        reporter = Reporter([case.name for case in cases], console) if ledger else None
-
-        def on_report(message: Event | dict[str, Any]) -> None:
-            assert ledger is not None and reporter is not None
-            if isinstance(message, Event):
-                reporter.show(message)
-            else:
-                ledger.record(message)
-
-        with reporter or nullcontext():
-            regions = [region.name for region in study.limb.regions]
-            compilation.warm(
-                comm, [material_set(case, study.settings_of(case), regions) for case in cases]
-            )
-            farm = Farm(comm, len(cases), ranks_per_case, on_report)
-            if farm.n_groups > 1:
-                cases = longest_first(study, cases)
-            while (number := farm.next_case()) is not None:
-                case = cases[number]
-                entry = try_case(farm, study, case, go_on)
-                farm.report({"name": case.name, **about(case), **entry})
-                _give_memory_back()
-            farm.finish()
-    return comm.bcast(ledger.close() if ledger else None, root=0)
-
-
-def _give_memory_back() -> None:
-    """Give back what a case leaves: Python's cycles, and pages that glibc keeps for later.
-
-    The next case does not fit into their gaps: without this, six cases come to twice the memory.
-    """
-    gc.collect()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)
-
-
-def longest_first(study: Study, cases: Sequence[Case]) -> list[Case]:
-    """Order cases for several groups of ranks, so that no group is left with a long one at the end.
-
-    A socket takes the more iterations the more it squeezes, and separate materials take more than
-    combined ones.
-    """
-    sockets = {case.socket: study.socket(case) for case in cases}
-    squeezed = {
-        name: check_placement(socket, study.limb).squeezed for name, socket in sockets.items()
-    }
-    return sorted(cases, key=lambda case: (-squeezed[case.socket], case.paper_set == "combined"))
-
-
-def check_folder(study: Study, overwrite: bool) -> None:
-    """Refuse a folder whose results were made with other settings.
-
-    Raises
-    ------
-    InputError
-        When the folder holds another study, unless it may be overwritten, or cannot be written.
-    """
-    path = study.out / RUN_FILE
-    try:
-        study.out.mkdir(parents=True, exist_ok=True)
-        if not path.exists():
-            return
-        if overwrite:
-            for name in FILES:
-                (study.out / name).unlink(missing_ok=True)
-            return
-        before = json.loads(path.read_text(encoding="utf-8"))["inputs"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"--out {study.out}: {error}; name a folder that can be written, "
-            "or add --overwrite to replace the results in it"
-        ) from None
-    now = json.loads(json.dumps(study.inputs()))
-    # Cases may be added; results made before there were any thresholds have none.
-    own_before, own_now = before.pop("cases", {}), now.pop("cases")
-    before.setdefault("thresholds", [])
-    changed = sorted(_differences(before, now)) or sorted(
-        f"case {name}" for name in own_before.keys() & own_now if own_before[name] != own_now[name]
-    )
-    if changed:
-        raise InputError(
-            f"--out {study.out}: holds results made with other inputs ({', '.join(changed)}); "
-            "name another folder, or add --overwrite to replace them"
+    @classmethod
+    def _of_run(cls, path: Path) -> Self:
+        """Read what an earlier run was made of."""
+        run = read_run(path)
+        return cls(
+            path=path,
+            content=run.study.content,
+            files=Files(path.parent, run.study.files),
+            limb=run.limb,
+            reference={
+                name: run.sockets.get(name, socket) for name, socket in reference_sockets().items()
+            },
+            sha256={path.name: sha256(path), **run.study.sha256},
+            chosen=tuple(run.cases),
+            petsc_options=_harmless(path, run.petsc_options),
         )
 
+    def changed(
+        self,
+        tables: Mapping[str, Mapping[str, Any]] | None = None,
+        chosen: Collection[str] | None = None,
+    ) -> Self:
+        """Return the study with other values in some tables, or other cases chosen.
 
-def all_cases(sockets: Sockets) -> list[Case]:
-    """Every socket with every material set, in the order of the tables."""
-    return [Case(socket, name) for socket in sockets.sockets for name in BASE_SETS]
+        Parameters
+        ----------
+        tables : mapping
+            Table of the study file -> keys with values that replace or join those of the file.
+        chosen : collection of str, optional
+            Names of the cases to solve.
+        """
+        content = dict(self.content)
+        for name, values in (tables or {}).items():
+            content[name] = {**content.get(name, {}), **values}
+        names = self.chosen if chosen is None else tuple(chosen)
+        return replace(self, content=content, chosen=names)
+
+    # -- what it holds --------------------------------------------------------------------------
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What it solves.
+
+        Raises
+        ------
+        InputError
+            One line: file, key, what is allowed, what to do.
+        """
+        planner = Planner(self.path, self.content, self.files, self.limb, self.reference)
+        cases = planner.cases()
+        missing = set(self.chosen) - {case.name for case in cases}
+        if missing:
+            raise InputError(
+                f"{self.path}: cases: {', '.join(sorted(missing))} are not among the study's "
+                "cases; the file was changed"
+            )
+        source = StudySource(
+            file=self.path.name,
+            content=dict(self.content),
+            sha256=dict(self.sha256),
+            files=self.files.record,
+        )
+        return Plan(source, planner.document, self.limb, cases, self.chosen, planner.parameters)
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """All cases of the file, in its order."""
+        return self.plan.cases
+
+    # -- solving --------------------------------------------------------------------------------
+
+    def run(
+        self,
+        comm: MPI.Intracomm | None = None,
+        out: Path | str | None = None,
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        ranks_per_case: int | None = None,
+        pictures: bool = True,
+        profile: bool = False,
+        console: Console | None = None,
+    ) -> Results:
+        """Solve the chosen cases side by side and write their results (collective).
+
+        A case that fails does not stop the others: its last equilibrium is written, and run.json
+        says why.
+
+        Parameters
+        ----------
+        comm : MPI.Intracomm, optional
+            By default all ranks of the program.
+        out : Path, optional
+            Folder of the results; by default the one that the file names.
+        resume : bool
+            Keep the cases that an earlier run into the folder has solved, and start those that it
+            had begun from their last equilibrium.
+        overwrite : bool
+            Replace results that were made from other inputs.
+        ranks_per_case : int, optional
+            Ranks that solve one case together; by default cases run side by side.
+        pictures, profile : bool
+            Whether to draw each case, and to write where the time goes.
+        console : rich.console.Console, optional
+            Where progress is shown; standard error by default.
+
+        Returns
+        -------
+        Results
+            Of all cases in the folder.
+
+        Raises
+        ------
+        InputError
+            If the study cannot be used, or the folder holds results from other inputs.
+        WriteError
+            If run.json cannot be written.
+        """
+        comm = comm or MPI.COMM_WORLD
+        folder = Path(self.plan.document.study.out if out is None else out)
+        on_first_rank(comm, lambda: check_folder(folder, self.plan, overwrite))
+        runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
+        runner.run(resume)
+        return load_results(folder)
 
 
-def _fingerprint(text: str) -> str:
-    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+def variants() -> dict[str, dict[str, Any]]:
+    """Return the choices that the paper's text leaves open, each as changes of its study."""
+    tables = read_toml(Path(str(files("calfsocket.study") / "data" / "variants.toml")))
+    return dict(tables["sweep"]["variants"])
 
 
-def _differences(before: Any, now: Any, path: str = "") -> set[str]:
-    """Dotted names of the values that differ."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        found: set[str] = set()
-        for key in before.keys() | now.keys():
-            name = f"{path}.{key}" if path else str(key)
-            found |= _differences(before.get(key), now.get(key), name)
-        return found
-    return set() if before == now else {path}
+def example() -> str:
+    """Return the example study, a file for people to change."""
+    return (files("calfsocket.study") / "data" / "example.toml").read_text(encoding="utf-8")
 
 
-def select(names: Sequence[str], allowed: Sequence[str], option: str) -> list[str]:
-    """Return the chosen names in the order of the allowed ones, whatever their case.
-
-    Raises
-    ------
-    InputError
-        For a name that is not allowed, one given twice, or none at all.
-    """
-    by_lower = {name.lower(): name for name in allowed}
-    chosen = []
-    for name in names:
-        key = name.strip().lower()
-        if key not in by_lower:
-            raise InputError(f"{option}: {name!r} is none of {', '.join(allowed)}")
-        if by_lower[key] in chosen:
-            raise InputError(f"{option}: {name!r} stands there twice; name each once")
-        chosen.append(by_lower[key])
-    if not chosen:
-        raise InputError(f"{option}: nothing chosen; name at least one of {', '.join(allowed)}")
-    return [name for name in allowed if name in chosen]
+def _harmless(path: Path, options: dict[str, str]) -> dict[str, str]:
+    """Refuse options of PETSc that name files: its viewers would write them anywhere."""
+    for name, value in options.items():
+        if not (re.fullmatch(r"[a-z0-9_]+", name) and re.fullmatch(r"[\w.+-]*", value)):
+            raise InputError(
+                f"{path}: petsc_options.{name}: is {value!r}; give it on the command line, "
+                "-NAME VALUE, if it is wanted, and take it out here"
+            )
+    return options

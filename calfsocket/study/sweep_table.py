@@ -1,8 +1,7 @@
-"""sweep.csv: one row a case with the parameters of a sweep and the main results."""
+"""sweep.csv: one row a case, with the parameters of a sweep and the main results."""
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,8 @@ import pandas as pd
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES, UNITS
-from calfsocket.postprocess.thresholds import Threshold
-from calfsocket.simulation.case import Case
+from calfsocket.simulation.record import CaseRecord
+from calfsocket.study.cases import Plan
 
 SWEEP_FILE = "sweep.csv"
 
@@ -24,62 +23,42 @@ _CONTACT = {
 _QUANTITY = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S+)\s*")
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """What the table tells.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-        Dotted names in the study file.
-    outcomes : tuple of str
-        Of summary.csv; those of tissues are told for every tissue.
-    thresholds : tuple of Threshold
-        Their shares are told, too.
-    """
-
-    parameters: tuple[str, ...]
-    outcomes: tuple[str, ...]
-    thresholds: tuple[Threshold, ...] = ()
-
-
-def write(folder: Path, sweep: Sweep, cases: Sequence[Case], status: Mapping[str, str]) -> None:
+def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
     """Write the table of the cases so far, from summary.csv."""
     path = folder / "summary.csv"
     summary = pd.read_csv(path) if path.exists() else pd.DataFrame()
-    rows = table(sweep, [case for case in cases if case.name in status], status, summary)
     with replacing(folder / SWEEP_FILE) as temporary:
+        rows = table(plan, records, summary)
         rows.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
 
 
-def table(
-    sweep: Sweep, cases: Sequence[Case], status: Mapping[str, str], summary: pd.DataFrame
-) -> pd.DataFrame:
-    """One row a case: its names, parameters, results (empty until it is solved) and status.
+def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a case: names, parameters, results (empty until it is solved) and status.
 
     A parameter that does not reach a case is empty.
     """
+    cases = [records[case.name] for case in plan.cases if case.name in records]
     rows: list[dict[str, Any]] = [
         {"case": case.name, "socket": case.socket, "material_set": case.material_set}
         for case in cases
     ]
-    for name in sweep.parameters:
+    for name in plan.parameters:
         heading, values = column(name, [case.changes.get(name) for case in cases])
         for row, value in zip(rows, values, strict=True):
             row[heading] = value
     results = results_of(summary)
-    for heading, tissue, outcome in _headings(sweep):
+    for heading, tissue, quantity in _headings(plan):
         for row, case in zip(rows, cases, strict=True):
-            row[heading] = results.get((*case.key, tissue, outcome))
+            row[heading] = results.get((*case.key, tissue, quantity))
     for row, case in zip(rows, cases, strict=True):
-        row["status"] = status[case.name]
+        row["status"] = case.status
     return pd.DataFrame(rows)
 
 
 def column(name: str, values: Sequence[Any]) -> tuple[str, list[Any]]:
-    """Give a parameter's heading and cells: plain numbers where all have one unit.
+    """Return a parameter's heading and cells: plain numbers where all have one unit.
 
-    Text that a spreadsheet would take for a formula gets an apostrophe before it.
+    An apostrophe goes in front of a text that a spreadsheet would take for a formula.
     """
     written = [value for value in values if value is not None]
     found = [_QUANTITY.fullmatch(value) if isinstance(value, str) else None for value in written]
@@ -101,25 +80,25 @@ def harmless(value: Any) -> Any:
 
 
 def results_of(summary: pd.DataFrame) -> dict[tuple[str, str, str, str], float]:
-    """Values of summary.csv by socket, material set, tissue and outcome."""
+    """Values of summary.csv by socket, material set, tissue and quantity."""
     if summary.empty:
         return {}
-    key = ["socket", "material_set", "tissue", "outcome"]
+    key = ["socket", "material_set", "tissue", "quantity"]
     rows = summary[[*key, "value"]].itertuples(index=False, name=None)
     return {(*map(str, row[:4]),): row[4] for row in rows}  # type: ignore[misc]
 
 
-def _headings(sweep: Sweep) -> list[tuple[str, str, str]]:
-    """List heading, tissue and outcome of every result."""
-    found = []
-    for outcome in sweep.outcomes:
-        if outcome in _CONTACT:
-            found.append((f"{outcome}_{_unit(_CONTACT[outcome])}", "skin", outcome))
+def _headings(plan: Plan) -> list[tuple[str, str, str]]:
+    """Return heading, tissue and quantity of every result."""
+    found: list[tuple[str, str, str]] = []
+    for quantity in plan.document.study.quantities:
+        if quantity in _CONTACT:
+            found.append((f"{quantity}_{_unit(_CONTACT[quantity])}", "skin", quantity))
             continue
-        tissues = ("vessel",) if outcome == "pressure" else SUMMARY_TISSUES
-        unit = _unit(UNITS[outcome])
-        found += [(f"{tissue}_{outcome}_{unit}", tissue, outcome) for tissue in tissues]
-    found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in sweep.thresholds]
+        tissues = ("vessel",) if quantity == "pressure" else SUMMARY_TISSUES
+        unit = _unit(UNITS[quantity])
+        found += [(f"{tissue}_{quantity}_{unit}", tissue, quantity) for tissue in tissues]
+    found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in plan.thresholds]
     return found
 
 

@@ -17,23 +17,36 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky
-from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
+from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.blocks import LIMB, Rings
-from calfsocket.verification.report import Check, Figure, Section
+from calfsocket.verification.problems import held_socket
+from calfsocket.verification.report import LOG, Check, Curve, Section, curves
+from calfsocket.verification.sampling import edge_means, largest, skin_mean, worst
 
 FloatArray = NDArray[np.float64]
 
 LIMB_LAW = Hencky(e=1.0, nu=0.3)
 OVERCLOSURE = 0.02
 UNIFORM = "uniform by symmetry"
-GAUSS_POINTS = ContactParameters().gauss_points
+GAUSS_POINTS = Contact().gauss_points
+
+
+def pressed(comm: MPI.Comm, h: float, socket_modulus: float, contact: Contact) -> PrescribedMotion:
+    """Press two rings with elements of h and 0.8 h mm, the socket's turned by 0.3 rad.
+
+    The limb has a Young's modulus of 1 MPa, the socket `socket_modulus`.
+    """
+    rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
+    laws = {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)}
+    motion = held_socket(rings.mesh(comm), laws, contact)
+    motion.solve()
+    return motion
 
 
 @dataclass(frozen=True)
@@ -42,63 +55,29 @@ class Scatter:
 
     Attributes
     ----------
-    h : float
-        Element side of the limb, mm.
-    mean : float
-        Mean pressure, MPa.
-    points : float
-        Standard deviation of the pressure of the points, over the mean.
-    edges : float
-        The same of the means over skin edges.
-    worst : float
-        Largest deviation of a point, over the mean.
+    points, edges : float
+        Standard deviation of the pressure of the points, and of the means over skin edges, over the
+        mean.
     imbalance : float
         Reaction of the core that should be zero, over the pressing force.
     """
 
-    h: float
-    mean: float
     points: float
     edges: float
-    worst: float
     imbalance: float
 
 
 def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatter:
-    """Press two rings with elements of h and 0.8 h, the socket's turned by 0.3 rad.
-
-    Parameters
-    ----------
-    h : float
-        Element side of the limb, mm.
-    socket_modulus : float
-        Young's modulus of the socket, MPa; the limb has 1 MPa.
-    points : int
-        Gauss points a skin edge.
-    """
-    rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
-    model = DrivenModel(
-        rings.mesh(MPI.COMM_SELF),
-        {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)},
-        ContactParameters(fric_coeff=0.0, gauss_points=points),
-        socket_support="outer-fixed",
-    )
-    model.contact.load = 1.0
-    drive = Drive(model)
-    drive.solve()
-    pressure = model.contact.state().traction.pressure
-    weight = model.contact.points.weight
-    mean = weight @ pressure / weight.sum()
-    by_edge = weight.reshape(-1, points)
-    of_edges = (by_edge * pressure.reshape(-1, points)).sum(axis=1) / by_edge.sum(axis=1)
-    reaction, _ = model.reaction(tags.TIBIA_MEDULLARY)
+    """Measure the pressed rings, without friction, with so many Gauss points a skin edge."""
+    contact = Contact(friction=0.0, gauss_points=points)
+    problem = pressed(MPI.COMM_SELF, h, socket_modulus, contact).problem
+    pressure = problem.contact.state().traction.pressure
+    mean = skin_mean(problem.contact, pressure)
+    reaction, _ = problem.reaction(tags.TIBIA_MEDULLARY)
     return Scatter(
-        h=h,
-        mean=float(mean),
         points=float(np.std(pressure) / mean),
-        edges=float(np.std(of_edges) / mean),
-        worst=float(np.abs(pressure / mean - 1.0).max()),
-        imbalance=float(np.linalg.norm(reaction) / (mean * weight.sum())),
+        edges=float(np.std(edge_means(problem.contact, pressure)) / mean),
+        imbalance=float(np.linalg.norm(reaction) / (mean * problem.contact.points.weight.sum())),
     )
 
 
@@ -144,10 +123,7 @@ WAY, STEPS = 0.1, 2
 
 
 def shifted(
-    comm: MPI.Comm,
-    h: float = 2.0,
-    gamma: float = 1.0,
-    points: int = GAUSS_POINTS,
+    comm: MPI.Comm, h: float = 2.0, gamma: float = 1.0, points: int = GAUSS_POINTS
 ) -> Shifted:
     """Press a limb, then move its core sideways by `WAY` (collective).
 
@@ -162,56 +138,32 @@ def shifted(
     points : int
         Gauss points a skin edge.
     """
-    rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
-    model = DrivenModel(
-        rings.mesh(comm),
-        {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=100.0, nu=0.3)},
-        ContactParameters(gamma=gamma, gamma_t=0.5 * gamma, gauss_points=points),
-        socket_support="outer-fixed",
-    )
-    model.contact.load = 1.0
-    drive = Drive(model)
-    drive.solve()
+    contact = Contact(gamma=gamma, gamma_t=0.5 * gamma, gauss_points=points)
+    motion = pressed(comm, h, 100.0, contact)
     for _ in range(STEPS):
-        drive.step([LIMB], shift=(WAY / STEPS, 0.0))
-    return _sum_up(drive, points)
-
-
-def _sum_up(drive: Drive, points: int) -> Shifted:
-    model = drive.model
-    comm = model.comm
-    state = model.contact.state()
-    pressure, gap, weight = state.traction.pressure, state.reduced_gap, model.contact.points.weight
+        motion.step([LIMB], shift=(WAY / STEPS, 0.0))
+    skin = motion.problem.contact
+    state = skin.state()
+    pressure, gap, weight = state.traction.pressure, state.reduced_gap, skin.points.weight
     closed = pressure > 0.0
-    force, _ = model.reaction(tags.TIBIA_MEDULLARY)
-    by_edge = weight.reshape(-1, points)
-    of_edges = (by_edge * pressure.reshape(-1, points)).sum(axis=1) / by_edge.sum(axis=1)
-
-    def largest(values: FloatArray) -> float:
-        return float(comm.allreduce(values.max(initial=-np.inf), op=MPI.MAX))
-
-    peak = largest(of_edges)
-    length, opened, pressing = (
-        float(comm.allreduce(value))
-        for value in (weight.sum(), weight[~closed].sum(), weight @ pressure)
-    )
+    peak = largest(comm, edge_means(skin, pressure))
     return Shifted(
-        force=force,
-        pressing=pressing,
+        force=motion.problem.reaction(tags.TIBIA_MEDULLARY)[0],
+        pressing=float(comm.allreduce(weight @ pressure)),
         peak=peak,
-        open_share=opened / length,
-        least_pressure=-largest(-pressure) / peak,
-        penetration=largest(np.abs(gap[closed])) / WAY,
-        overlap=max(largest(-gap[~closed]), 0.0) / WAY,
-        complementarity=largest(np.abs(gap) * pressure) / (WAY * peak),
-        newton=sum(result.iterations for result in drive.results),
+        open_share=skin_mean(skin, (~closed).astype(float)),
+        least_pressure=-largest(comm, -pressure) / peak,
+        penetration=largest(comm, np.abs(gap[closed])) / WAY,
+        overlap=max(largest(comm, -gap[~closed]), 0.0) / WAY,
+        complementarity=largest(comm, np.abs(gap) * pressure) / (WAY * peak),
+        newton=motion.iterations,
     )
 
 
 def spread(results: Sequence[Shifted]) -> float:
     """Largest relative difference of force, pressing force and peak pressure among results."""
     numbers = np.array([[r.force[0], r.pressing, r.peak] for r in results])
-    return float((np.ptp(numbers, axis=0) / np.abs(numbers).max(axis=0)).max())
+    return worst(np.ptp(numbers, axis=0) / np.abs(numbers).max(axis=0))
 
 
 SIZES = (4.0, 2.8, 2.0, 1.4, 1.0)
@@ -227,29 +179,32 @@ def report() -> Section:
     fine = shifted(MPI.COMM_SELF, h=1.0)
     usual = gammas[1.0]
     gauss = [shifted(MPI.COMM_SELF, points=n) for n in (3, 4, 8)]
-
-    def scatter(axes: Axes) -> None:
-        axes.loglog(SIZES, [s.points for s in stiff], "ko-", label="stiff socket, 4 Gauss points")
-        for n, results in equal.items():
-            axes.loglog(SIZES, [s.points for s in results], ".--", label=f"equal stiffness, {n}")
-        axes.set(xlabel="element side of the limb, mm", ylabel="scatter of pressure / mean")
-        axes.legend(fontsize="small")
-
     last = equal[GAUSS_POINTS][-1]
+    lines: list[Curve] = [(SIZES, [s.points for s in stiff], "ko-", "stiff socket, 4 Gauss points")]
+    lines += [
+        (SIZES, [s.points for s in results], ".--", f"equal stiffness, {n}")
+        for n, results in equal.items()
+    ]
     return Section(
         title="Contact across meshes that do not match",
         text=__doc__ or "",
         checks=[
-            Check("stiff socket: scatter of points", stiff[-1].points, 2e-3, "", UNIFORM),
-            Check("equal stiffness: scatter of points", last.points, 2e-2, "", UNIFORM),
-            Check("equal stiffness: scatter of edge means", last.edges, 2e-2, "", UNIFORM),
-            Check("pressure below zero", min(usual.least_pressure, 0.0), 0.0, "", "Signorini"),
-            Check("|gap| p", fine.complementarity, 1e-3, "", "Signorini"),
-            Check("overlap where open", fine.overlap, 1e-3, "", "Signorini"),
-            Check(
-                "gamma 0.1 to 10 MPa/mm", spread(list(gammas.values())), 1e-3, "", "same problem"
-            ),
-            Check("3, 4, 8 Gauss points", spread(gauss), 5e-3, "", "same problem"),
+            Check("stiff socket: scatter of points", stiff[-1].points, 2e-3, UNIFORM),
+            Check("equal stiffness: scatter of points", last.points, 2e-2, UNIFORM),
+            Check("equal stiffness: scatter of edge means", last.edges, 2e-2, UNIFORM),
+            Check("pressure below zero", min(usual.least_pressure, 0.0), 0.0, "Signorini"),
+            Check("|gap| p", fine.complementarity, 1e-3, "Signorini"),
+            Check("overlap where open", fine.overlap, 1e-3, "Signorini"),
+            Check("gamma 0.1 to 10 MPa/mm", spread(list(gammas.values())), 1e-3, "same problem"),
+            Check("3, 4, 8 Gauss points", spread(gauss), 5e-3, "same problem"),
         ],
-        figures=[Figure("patch_scatter", scatter, "Scatter of a pressure that is uniform.")],
+        figures=[
+            curves(
+                "patch_scatter",
+                "Scatter of a pressure that is uniform.",
+                ("element side of the limb, mm", "scatter of pressure / mean"),
+                lines,
+                **LOG,
+            )
+        ],
     )

@@ -2,7 +2,7 @@ r"""Energy balance of a shrink fit: its work against stored energy and friction.
 
 Along a path of equilibria w(l) of the load l, the stored energy Pi (`forms.mixed.potential`, limb
 and socket) changes by its own residual in the direction of w', which the contact residual balances.
-Held boundaries do not move, and so
+Constrained boundaries do not move, and so
 
     Pi' = int_skin t . (x' - y'|xi) dS,     t = p n + q e,
 
@@ -38,9 +38,10 @@ from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.projection import shape_functions
 from calfsocket.forms import mixed
 from calfsocket.mechanics.kernels.library import JIT_OPTIONS
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes import tags
+from calfsocket.verification.sampling import Slid
 
 FloatArray = NDArray[np.float64]
 
@@ -86,40 +87,43 @@ class EnergyBalance:
 
 
 class EnergyMeter:
-    """Follows a model along its load steps, on one rank.
+    """Follows a problem along its load steps, on one rank.
 
     Parameters
     ----------
-    model : Model
+    problem : Problem
         At load 0, undeformed.
     """
 
-    def __init__(self, model: Model) -> None:
-        self._model = model
-        domain, cells = model.section.mesh, model.fields.tags
-        of_socket = model.region_ids()[cells.indices] == model.section.regions[tags.SOCKET]
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        domain, cells = problem.section.mesh, problem.fields.tags
+        of_socket = (
+            problem.section.cell_regions()[cells.indices] == problem.section.regions[tags.SOCKET]
+        )
         self._stored = []
         for part in (~of_socket, of_socket):
             laws = mesh.meshtags(domain, 2, cells.indices[part], cells.values[part])
-            dx = mixed.volume_measure(domain, laws)
-            potential = mixed.potential(model.w, model.fields.materials, dx)
+            potential = mixed.potential(
+                problem.w, problem.fields.materials, mixed.volume_measure(domain, laws)
+            )
             self._stored.append(fem.form(potential, jit_options=JIT_OPTIONS))
-        contact = model.contact
+        contact = problem.contact
         state = contact.state()
         self._closing = np.minimum(state.gap, 0.0)
         self._weight = contact.points.weight
         self._rows = [np.zeros(7)]
         self._state = state
-        self._socket_u = contact._socket_displacement()
+        self._socket_u = contact.socket_displacement()
         self._position = contact.deformed_points()
 
     def record(self, step: LoadStep) -> None:
-        """Take a load step in; one that failed is passed over. For `Stepper`'s `on_step`."""
+        """Take a load step in; one that failed is passed over. For `LoadStepper`'s `on_step`."""
         if not step.newton.converged:
             return
-        contact = self._model.contact
+        contact = self._problem.contact
         state, weight = contact.state(), self._weight
-        position, socket_u = contact.deformed_points(), contact._socket_displacement()
+        position, socket_u = contact.deformed_points(), contact.socket_displacement()
         before, last = self._state, self._rows[-1]
         normal = 0.5 * weight * (before.traction.pressure + state.traction.pressure)
         # The way of x - y with y the same point of the socket before and after.
@@ -129,8 +133,7 @@ class EnergyMeter:
         tangent = before.projection.tangent + state.projection.tangent
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
         along = shear @ np.sum(way * tangent, axis=1)
-        slip = contact.chain.slip(state.projection.arc, before.projection.arc)
-        friction = -shear @ slip
+        friction = -shear @ Slid.between(contact, before, state).slip
         growth = np.array(
             [
                 step.load - last[0],

@@ -3,7 +3,7 @@ r"""The concentric limb in a smaller socket against its exact solution.
 Rings of all six tissues lie around a fixed circle as in a calf, bone innermost and skin outermost,
 and are pressed by a PETG ring that is smaller than the skin by the overclosure. The exact solution
 is one of ordinary differential equations (`radial`), made without UFL; the finite elements are the
-program's own `Model` and `Stepper`.
+program's own `Problem` and `LoadStepper`.
 
 The axisymmetric equilibrium need not be stable. Fascia (megapascals) that is compressed along its
 circumference between muscle and fat (kilopascals) buckles in waves; Newton's method on a perfect
@@ -20,13 +20,13 @@ it from 6e-7 to 6e-8 in a ring of muscle and skin at 0.5 mm; neither can be meas
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.materials.material_set import BaseSet, MaterialSet
-from calfsocket.mechanics.problem import Model
-from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.problem import Problem
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import KILOPASCAL, section_fields
 from calfsocket.verification.radial import (
@@ -37,8 +37,9 @@ from calfsocket.verification.radial import (
     exact_ring,
     work_error,
 )
-from calfsocket.verification.report import Check, Figure, Section
+from calfsocket.verification.report import LOG, Check, Curve, Section, curves
 from calfsocket.verification.ring_stability import onset, unstable_waves
+from calfsocket.verification.sampling import skin_mean, worst
 
 FloatArray = NDArray[np.float64]
 
@@ -120,12 +121,12 @@ class RingCase:
     @property
     def worst_stress(self) -> float:
         """Largest relative error of a ring's mean stress."""
-        return max(float(np.abs(ring.mean_stress).max()) for ring in self.rings.values())
+        return max(worst(ring.mean_stress) for ring in self.rings.values())
 
     @property
     def worst_stretch(self) -> float:
         """Largest error of a ring's mean stretch."""
-        return max(float(np.abs(ring.mean_stretch).max()) for ring in self.rings.values())
+        return max(worst(ring.mean_stretch) for ring in self.rings.values())
 
     @property
     def radius_error(self) -> float:
@@ -142,7 +143,7 @@ def solve_ring(
     fields: bool = True,
     count_modes: bool = False,
 ) -> list[RingCase]:
-    """Solve the section with `Model` and `Stepper` and compare each load step.
+    """Solve the section with `LoadStepper` and compare each load step.
 
     Parameters
     ----------
@@ -164,18 +165,16 @@ def solve_ring(
     layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
     section = ring_mesh(MPI.COMM_SELF, layers, (inner, inner + SOCKET_THICKNESS), h)
     tissues = {ring.name: ring.tissue for ring in LIMB} | {SOCKET: SOCKET}
-    model = Model(section, {name: laws[tissue] for name, tissue in tissues.items()})
+    problem = limb_problem(section, {name: laws[tissue] for name, tissue in tissues.items()})
     cases: list[RingCase] = []
 
     def compare(step: LoadStep) -> None:
         if not step.newton.converged:
             return
-        model.set_unknowns(stepper.solver.x)
-        exact = exact_ring(laws, overclosure, step.load)
-        contact, weight = model.contact.state(), model.contact.points.weight
-        pressure = contact.traction.pressure
-        mean = float(np.average(pressure, weights=weight))
-        radius = np.linalg.norm(model.contact.deformed_points(), axis=1)
+        problem.set_unknowns(stepper.newton.x)
+        exact, contact = exact_ring(laws, overclosure, step.load), problem.contact
+        pressure = contact.state().traction.pressure
+        mean = skin_mean(contact, pressure)
         cases.append(
             RingCase(
                 material=material,
@@ -184,23 +183,24 @@ def solve_ring(
                 load=step.load,
                 pressure=mean,
                 pressure_scatter=float(pressure.std()) / mean,
-                skin_radius=float(np.average(radius, weights=weight)),
-                rings=_ring_errors(model, tissues, exact) if fields else {},
+                skin_radius=skin_mean(contact, np.hypot(*contact.deformed_points().T)),
+                rings=_ring_errors(problem, tissues, exact) if fields else {},
                 exact=exact,
-                negative_modes=stepper.solver.negative_modes() if count_modes else None,
+                negative_modes=stepper.newton.negative_modes() if count_modes else None,
                 newton=step.newton.iterations,
             )
         )
 
-    step = 1.0 / steps
-    stepper = Stepper(model, StepControl(first=step, largest=step), on_step=compare)
+    stepper = LoadStepper(problem, [k / steps for k in range(1, steps + 1)], on_step=compare)
     stepper.run()
     return cases
 
 
-def _ring_errors(model: Model, tissues: dict[str, str], exact: ExactRing) -> dict[str, RingErrors]:
+def _ring_errors(
+    problem: Problem, tissues: dict[str, str], exact: ExactRing
+) -> dict[str, RingErrors]:
     """Compare stress and stretch at the elements' Gauss points."""
-    fields = section_fields(model, tissues)
+    fields = section_fields(problem, tissues)
     assert fields is not None  # one rank
     position = np.einsum(
         "qa,cad->cqd", _triangle_shapes(fields.gauss_points), fields.points[fields.cells]
@@ -267,69 +267,29 @@ def report() -> Section:
         laws = MaterialSet.paper(material).tissue_laws()
         exact = exact_ring(laws, OVERCLOSURE)
         nodes = exact_ring(laws, OVERCLOSURE, nodes=28).pressure / exact.pressure - 1.0
+        work, itself = work_error(laws, OVERCLOSURE), "the radial solution itself"
         checks += [
-            Check(
-                f"{material}: work - energy",
-                work_error(laws, OVERCLOSURE),
-                1e-12,
-                "",
-                "conservation",
-            ),
-            Check(f"{material}: twice the nodes", nodes, 1e-12, "", "the radial solution itself"),
+            Check(f"{material}: work - energy", work, 1e-12, "conservation"),
+            Check(f"{material}: twice the nodes", nodes, 1e-12, itself),
         ]
         for case in cases[material, SIZES[-1]]:
             name = f"{material}, {1e3 * OVERCLOSURE * case.load:.0f} um"
-            counted = case.negative_modes or 0
+            counted, by_waves = case.negative_modes or 0, "second variation, wave by wave"
             checks += [
-                Check(f"{name}: contact pressure", case.pressure_error, 1e-6, "", RADIAL),
-                Check(f"{name}: skin radius", case.radius_error, 1e-6, "", RADIAL),
-                Check(f"{name}: mean stress of a tissue", case.worst_stress, 1e-5, "", RADIAL),
-                Check(f"{name}: mean stretch of a tissue", case.worst_stretch, 1e-6, "", RADIAL),
+                Check(f"{name}: contact pressure", case.pressure_error, 1e-6, RADIAL),
+                Check(f"{name}: skin radius", case.radius_error, 1e-6, RADIAL),
+                Check(f"{name}: mean stress of a tissue", case.worst_stress, 1e-5, RADIAL),
+                Check(f"{name}: mean stretch of a tissue", case.worst_stretch, 1e-6, RADIAL),
                 Check(
-                    f"{name}: unstable modes",
-                    counted,
-                    case.exact_modes,
-                    "",
-                    "second variation, wave by wave",
-                    "exactly",
+                    f"{name}: unstable modes", counted, case.exact_modes, by_waves, rule="exactly"
                 ),
             ]
     gap, wave = onset(MaterialSet.paper("separate").tissue_laws(), OVERCLOSURE, WAVES)
-
-    def convergence(axes: Axes) -> None:
-        for material, style in zip(MATERIALS, ("o-", "s--"), strict=True):
-            last = [cases[material, h][-1] for h in SIZES]
-            axes.loglog(SIZES, [abs(c.pressure_error) for c in last], style, label=material)
-        axes.set(xlabel="element side, mm", ylabel="relative error of contact pressure")
-        axes.legend()
-
-    def stress(axes: Axes) -> None:
-        for material, style in zip(MATERIALS, ("-", "--"), strict=True):
-            solution = cases[material, SIZES[-1]][-1].exact.solution
-            for k, ring in enumerate(LIMB):
-                at = solution.profile(
-                    ring.name, np.linspace(ring.inner, ring.outer, 30).astype(float)
-                )
-                for row, (component, colour) in enumerate((("radial", "C0"), ("hoop", "C3"))):
-                    label = f"{material}, {component}" if k == 0 else None
-                    axes.plot(at.radius, KILOPASCAL * at.stress[row], style + colour, label=label)
-        axes.set(xlabel="radius, mm", ylabel="Cauchy stress, kPa", yscale="symlog")
-        axes.legend(fontsize="small")
-
-    def modes(axes: Axes) -> None:
-        laws = MaterialSet.paper("separate").tissue_laws()
-        share = np.linspace(0.05, 1.0, 20)
-        counts = [
-            sum(unstable_waves(exact_ring(laws, OVERCLOSURE, s).solution, WAVES).values())
-            for s in share
-        ]
-        axes.step(OVERCLOSURE * share, counts, where="mid", label="second variation")
-        found = cases["separate", SIZES[-1]]
-        counted = [c.negative_modes or 0 for c in found]
-        axes.plot([OVERCLOSURE * c.load for c in found], counted, "ko", label="finite elements")
-        axes.legend()
-        axes.set(xlabel="overclosure, mm", ylabel="unstable modes, Separate set")
-
+    last = {key: steps[-1] for key, steps in cases.items()}
+    convergence: list[Curve] = [
+        (SIZES, [abs(last[material, h].pressure_error) for h in SIZES], style, material)
+        for material, style in zip(MATERIALS, ("o-", "s--"), strict=True)
+    ]
     text = (
         f"{__doc__}\nHere the Separate set becomes unstable at an overclosure of {gap:.2f} mm, in "
         f"{wave} waves around the limb."
@@ -339,8 +299,53 @@ def report() -> Section:
         text,
         checks,
         [
-            Figure("ring_convergence", convergence, "Contact pressure against the exact one."),
-            Figure("ring_stress", stress, "The exact solution at full overclosure."),
-            Figure("ring_modes", modes, "Unstable modes: exact (line), finite elements (points)."),
+            curves(
+                "ring_convergence",
+                "Contact pressure against the exact one.",
+                ("element side, mm", "relative error of contact pressure"),
+                convergence,
+                **LOG,
+            ),
+            curves(
+                "ring_stress",
+                "The exact solution at full overclosure.",
+                ("radius, mm", "Cauchy stress, kPa"),
+                _stress_lines({name: last[name, SIZES[-1]].exact for name in MATERIALS}),
+                yscale="symlog",
+            ),
+            curves(
+                "ring_modes",
+                "Unstable modes: exact (line), finite elements (points).",
+                ("overclosure, mm", "unstable modes, Separate set"),
+                _mode_lines(cases["separate", SIZES[-1]]),
+            ),
         ],
     )
+
+
+def _stress_lines(exact: dict[MaterialSet, ExactRing]) -> list[Curve]:
+    lines: list[Curve] = []
+    for (material, ring_state), style in zip(exact.items(), ("-", "--"), strict=True):
+        for k, ring in enumerate(LIMB):
+            radius = np.linspace(ring.inner, ring.outer, 30)
+            at = ring_state.solution.profile(ring.name, radius.astype(float))
+            for row, (component, colour) in enumerate((("radial", "C0"), ("hoop", "C3"))):
+                label = f"{material}, {component}" if k == 0 else None
+                lines.append((at.radius, KILOPASCAL * at.stress[row], style + colour, label))
+    return lines
+
+
+def _mode_lines(found: list[RingCase]) -> list[Curve]:
+    laws = MaterialSet.paper("separate").tissue_laws()
+    share = np.linspace(0.05, 1.0, 20)
+    ends = np.append(share - 0.025, 1.025)
+    counts = [
+        sum(unstable_waves(exact_ring(laws, OVERCLOSURE, s).solution, WAVES).values())
+        for s in share
+    ]
+    counted = [case.negative_modes or 0 for case in found]
+    loads = np.array([case.load for case in found])
+    return [
+        (OVERCLOSURE * np.repeat(ends, 2)[1:-1], np.repeat(counts, 2), "-", "second variation"),
+        (OVERCLOSURE * loads, counted, "ko", "finite elements"),
+    ]

@@ -30,14 +30,14 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.special import xlogy
 
-from calfsocket.meshes.blocks import LIMB
+from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.hertz import PARTIAL_SLIP, SHARE, Line, Pressed, read, root_mean
-from calfsocket.verification.report import Check, Figure, Section
+from calfsocket.verification.report import Check, Curve, Section, curves
+from calfsocket.verification.sampling import Slid, worst
 
 FloatArray = NDArray[np.float64]
 
@@ -93,22 +93,20 @@ def push(line: Line, turns: list[float], step: float) -> Push:
     step : float
         Largest step, in the same units.
     """
-    drive = line.drive(MPI.COMM_SELF)
-    drive.step([LIMB], shift=(0.0, -line.approach()))
-    unit = line.fric_coeff * line.approach()
-    contact = drive.model.contact
-    way, work, states, least = [0.0], [0.0], [read(line, drive)], 0.0
+    motion = line.pressed(MPI.COMM_SELF)
+    unit = line.friction * line.approach()
+    contact = motion.problem.contact
+    way, work, states, least = [0.0], [0.0], [read(line, motion)], 0.0
     state = contact.state()
-    scale = line.fric_coeff * states[0].peak * step * unit
+    scale = line.friction * states[0].peak * step * unit
     for start, end in zip([0.0, *turns[:-1]], turns, strict=True):
         for target in np.linspace(start, end, math.ceil(abs(end - start) / step - 1e-9) + 1)[1:]:
-            drive.step([LIMB], shift=(target * unit - way[-1], 0.0))
-            states.append(read(line, drive))
+            motion.step([LIMB], shift=(target * unit - way[-1], 0.0))
+            states.append(read(line, motion))
             before, state = state, contact.state()
-            slid = contact.chain.slip(state.projection.arc, before.projection.arc)
-            points = -state.traction.shear * slid
-            least = min(least, float(points.min()) / scale)
-            work.append(float(contact.points.weight @ points))
+            slid = Slid.between(contact, before, state)
+            least = min(least, float(slid.work.min()) / scale)
+            work.append(float(contact.points.weight @ slid.work))
             way.append(target * unit)
     return Push(line, np.array(way), tuple(states), np.array(work), least)
 
@@ -120,7 +118,7 @@ def give(line: Line, force: float, tangential: FloatArray) -> FloatArray:
         p = np.maximum(p, 0.0)  # rounding where all of the contact slips
         return -xlogy(p, p) / (math.pi * line.modulus)
 
-    mu = line.fric_coeff
+    mu = line.friction
     return np.asarray(mu * (f(np.array(force)) - f(force - tangential / mu)))
 
 
@@ -137,7 +135,7 @@ def locked_shear(state: Pressed, largest: float, x: FloatArray, length: FloatArr
     As means over edges of a `length` about x, both in mm.
     """
     line, a = state.line, state.exact_half_width
-    limit = line.fric_coeff * state.force
+    limit = line.friction * state.force
 
     def root(ratio: float) -> FloatArray:
         return ratio * root_mean(x / (ratio * a), length / (ratio * a))
@@ -145,61 +143,60 @@ def locked_shear(state: Pressed, largest: float, x: FloatArray, length: FloatArr
     first = math.sqrt(1.0 - largest / limit)
     back = math.sqrt(1.0 - (largest - state.tangential) / (2.0 * limit))
     # The floor's traction on the skin is against the push.
-    return -line.fric_coeff * line.peak_of(state.force) * (2.0 * root(back) - root(first) - root(1))
+    return -line.friction * line.peak_of(state.force) * (2.0 * root(back) - root(first) - root(1))
 
 
 @dataclass(frozen=True)
 class Loop:
-    """What a loop without sliding is measured by.
+    """A loop without sliding: from 0 to Q1, to -Q1, and to Q1 again.
 
     Attributes
     ----------
     push : Push
-        From 0 to Q1, to -Q1, and to Q1 again.
-    largest : float
-        Q1 where the loop begins, N/mm.
-    work_error : float
-        Relative error of friction's work in the loop.
-    closing_error : float
-        Q at the end over Q1, less 1.
-    shear_error : float
-        Root mean square of shear minus Mindlin's, over mu p0, the largest of all steps on the way
-        from Q1 to -Q1.
-    top, locked : int
-        Step at which the loop begins, and step at which Q is next closest to 0.
+        All of it.
+    top, low, end : int
+        Steps at which the loop begins, turns, and closes.
     """
 
     push: Push
-    largest: float
-    work_error: float
-    closing_error: float
-    shear_error: float
     top: int
-    locked: int
+    low: int
+    end: int
+
+    @property
+    def largest(self) -> float:
+        """Q1 where the loop begins, N/mm."""
+        return float(self.push.tangential[self.top])
+
+    @property
+    def locked(self) -> int:
+        """Step on the way from Q1 to -Q1 at which Q is closest to 0."""
+        way = self.push.tangential[self.top : self.low + 1]
+        return self.top + int(np.argmin(np.abs(way)))
+
+    def checks(self, bar: float = 0.02) -> list[Check]:
+        """Check work, closing, and the largest error of shear of all steps from Q1 to -Q1."""
+        pushed, line, top, end = self.push, self.push.line, self.top, self.end
+        force = float(pushed.force[top : end + 1].mean())
+        work = float(pushed.work[top + 1 : end + 1].sum())
+        scale = line.friction * line.peak_of(force)
+        errors = []
+        for state in pushed.states[top : self.low + 1]:
+            difference = state.shear - locked_shear(state, self.largest, state.x, state.weight)
+            errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
+        work_error = work / loop_work(line, force, self.largest) - 1.0
+        closing = float(pushed.tangential[end] / self.largest) - 1.0
+        return [
+            Check("loop without sliding: work of friction", work_error, bar, MINDLIN),
+            Check("loop without sliding: it closes", closing, 1e-3, "Masing"),
+            Check("shear on the way back, over mu p0", max(errors), bar, MINDLIN),
+        ]
 
 
 def partial_loop(line: Line, share: float = SHARE, steps: int = 4) -> Loop:
     """Push to and fro by the way that gives about Q1 = `share` mu P, in so many steps a quarter."""
     pushed = push(line, [share, -share, share], share / steps)
-    Q = pushed.tangential
-    top, low, end = steps, 3 * steps, 5 * steps
-    force = float(pushed.force[top : end + 1].mean())
-    work = float(pushed.work[top + 1 : end + 1].sum())
-    scale = line.fric_coeff * line.peak_of(force)
-    errors = []
-    for i in range(top, low + 1):
-        state = pushed.states[i]
-        difference = state.shear - locked_shear(state, float(Q[top]), state.x, state.weight)
-        errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
-    return Loop(
-        push=pushed,
-        largest=float(Q[top]),
-        work_error=work / loop_work(line, force, float(Q[top])) - 1.0,
-        closing_error=float(Q[end] / Q[top]) - 1.0,
-        shear_error=max(errors),
-        top=top,
-        locked=top + int(np.argmin(np.abs(Q[top : low + 1]))),
-    )
+    return Loop(pushed, steps, 3 * steps, 5 * steps)
 
 
 def sliding(line: Line, step: float = 0.5) -> Push:
@@ -209,76 +206,67 @@ def sliding(line: Line, step: float = 0.5) -> Push:
 
 def sliding_error(pushed: Push) -> float:
     """Largest error of |Q| against mu P in steps in which the disc slides."""
-    ratio = np.abs(pushed.tangential) / (pushed.line.fric_coeff * pushed.force)
-    return float(np.abs(ratio[ratio > 0.99] - 1.0).max())
+    ratio = np.abs(pushed.tangential) / (pushed.line.friction * pushed.force)
+    return worst(ratio[ratio > 0.99] - 1.0)
+
+
+def _loop_lines(partial: Loop, slid: Push) -> list[Curve]:
+    """Both loops in units of the way and force of first sliding, on curves of the theory."""
+    unit, limit = LINE.friction * LINE.approach(), LINE.friction * slid.force[0]
+    top = partial.largest
+    elastic = partial.push.way[partial.top] - give(LINE, slid.force[0], np.array(top))
+    lines: list[Curve] = []
+    for pushed, largest, mark in ((partial.push, top, "o"), (slid, limit, "s")):
+        back = np.linspace(0.0, 2.0 * largest, 101)  # by how much Q fell since the turn
+        way = pushed.way.max() - elastic / top * back
+        way = way - 2.0 * give(LINE, slid.force[0], 0.5 * back)
+        Q = largest - back
+        if pushed is slid:
+            way, Q = np.append(way, -pushed.way.max()), np.append(Q, -largest)
+        lines += [(sign * way / unit, sign * Q / limit, "k-", None) for sign in (1.0, -1.0)]
+        lines.append((pushed.way / unit, pushed.tangential / limit, mark, None))
+    first = np.linspace(0.0, limit, 101)
+    way = elastic / top * first + give(LINE, slid.force[0], first)
+    return [*lines, (way / unit, first / limit, "k-", None)]
+
+
+def _locked_lines(partial: Loop) -> list[Curve]:
+    lines: list[Curve] = []
+    for i, name in ((partial.top, "Q = Q1"), (partial.locked, "back at Q = 0")):
+        state = partial.push.states[i]
+        a = state.exact_half_width
+        scale = -state.line.friction * state.line.peak_of(state.force)
+        x: FloatArray = a * np.linspace(-1.5, 1.5, 1201)
+        exact = locked_shear(state, partial.largest, x, np.full_like(x, 1e-6 * a))
+        lines += [(x / a, exact / scale, "k-", None), (state.x / a, state.shear / scale, "o", name)]
+    return lines
 
 
 def report() -> Section:
     """Measure the loops of a disc pushed to and fro, without and with sliding."""
     partial, slid = partial_loop(PARTIAL_SLIP, steps=3), sliding(LINE)
-    checks = [
-        Check("loop without sliding: work of friction", partial.work_error, 0.02, "", MINDLIN),
-        Check("loop without sliding: it closes", partial.closing_error, 1e-3, "", "Masing"),
-        Check("shear on the way back, over mu p0", partial.shear_error, 0.02, "", MINDLIN),
-        Check("sliding: Q over mu P, less 1", sliding_error(slid), 2e-3, "", "Coulomb"),
-        Check(
-            "work of friction, negative part",
-            min(partial.push.least_work, slid.least_work),
-            1e-2,
-            "",
-            "second law",
-        ),
-    ]
-
-    def loops(axes: Axes) -> None:
-        unit, limit = LINE.fric_coeff * LINE.approach(), LINE.fric_coeff * slid.force[0]
-        top = partial.largest
-        elastic = partial.push.way[partial.top] - give(LINE, slid.force[0], np.array(top))
-        for pushed, largest, mark in ((partial.push, top, "o"), (slid, limit, "s")):
-            back = np.linspace(0.0, 2.0 * largest, 101)  # by how much Q fell since the turn
-            way = pushed.way.max() - elastic / top * back
-            way = way - 2.0 * give(LINE, slid.force[0], 0.5 * back)
-            Q = largest - back
-            if pushed is slid:
-                way, Q = np.append(way, -pushed.way.max()), np.append(Q, -largest)
-            for sign in (1.0, -1.0):
-                axes.plot(sign * way / unit, sign * Q / limit, "k-", lw=1)
-            axes.plot(pushed.way / unit, pushed.tangential / limit, mark, ms=4)
-        first = np.linspace(0.0, limit, 101)
-        axes.plot(
-            (elastic / top * first + give(LINE, slid.force[0], first)) / unit,
-            first / limit,
-            "k-",
-            lw=1,
-        )
-        axes.set(xlabel="way of the core / (mu approach)", ylabel="Q / (mu P)")
-
-    def locked(axes: Axes) -> None:
-        for i, name in ((partial.top, "Q = Q1"), (partial.locked, "back at Q = 0")):
-            state = partial.push.states[i]
-            a = state.exact_half_width
-            scale = -state.line.fric_coeff * state.line.peak_of(state.force)
-            x: FloatArray = a * np.linspace(-1.5, 1.5, 1201)
-            exact = locked_shear(state, partial.largest, x, np.full_like(x, 1e-6 * a))
-            axes.plot(x / a, exact / scale, "k-", lw=1)
-            axes.plot(state.x / a, state.shear / scale, "o", label=name)
-        axes.set(xlabel="x / a", ylabel="q / (mu p0)", xlim=(-1.5, 1.5))
-        axes.legend()
-
+    least = min(partial.push.least_work, slid.least_work)
     return Section(
         title="Friction: a body pushed to and fro",
         text=__doc__ or "",
-        checks=checks,
+        checks=[
+            *partial.checks(),
+            Check("sliding: Q over mu P, less 1", sliding_error(slid), 2e-3, "Coulomb"),
+            Check("work of friction, negative part", least, 1e-2, "second law"),
+        ],
         figures=[
-            Figure(
+            curves(
                 "fretting_loop",
-                loops,
                 "Tangential force of two loops, and theory with C of the smaller.",
+                ("way of the core / (mu approach)", "Q / (mu P)"),
+                _loop_lines(partial, slid),
             ),
-            Figure(
+            curves(
                 "fretting_shear",
-                locked,
                 "Shear traction at the turn and back at Q = 0, and theory.",
+                ("x / a", "q / (mu p0)"),
+                _locked_lines(partial),
+                xlim=(-1.5, 1.5),
             ),
         ],
     )

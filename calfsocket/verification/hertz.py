@@ -25,17 +25,19 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STICK
-from calfsocket.contact.nitsche import ContactParameters
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky
-from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
+from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
-from calfsocket.meshes.blocks import LIMB, DiscInCavity
-from calfsocket.verification.report import Check, Figure, Section
+from calfsocket.meshes.disc import DiscInCavity
+from calfsocket.meshes.tags import LIMB
+from calfsocket.verification.problems import held_socket
+from calfsocket.verification.report import LOG, Check, Curve, Section, curves
+from calfsocket.verification.sampling import deviation, edge_means
 
 FloatArray = NDArray[np.float64]
 
@@ -62,7 +64,7 @@ class Line:
         Element sides in a half-width.
     limb, socket : Hencky
         Materials of disc and cavity; linear elastic at strains of a few 1e-3.
-    fric_coeff : float
+    friction : float
         Coefficient of friction.
     radius, core, thickness : float
         Radii of the disc and of its held core, and thickness of the cavity's wall, mm.
@@ -73,7 +75,7 @@ class Line:
     divisions: float = 6.0
     limb: Hencky = MATERIAL
     socket: Hencky = MATERIAL
-    fric_coeff: float = 0.0
+    friction: float = 0.0
     radius: float = 10.0
     core: float = 7.0
     thickness: float = 5.0
@@ -118,8 +120,8 @@ class Line:
             for law, depth in zip((self.limb, self.socket), depths, strict=True)
         )
 
-    def drive(self, comm: MPI.Comm) -> Drive:
-        """Make the model, touching in one point."""
+    def pressed(self, comm: MPI.Comm) -> PrescribedMotion:
+        """Make the bodies, touching in one point, and press them in one step."""
         disc = DiscInCavity(
             radius=self.radius,
             core=self.core,
@@ -129,18 +131,17 @@ class Line:
             reach=1.5 * self.half_width,
         )
         stiffness = self.limb.e / self.h
-        model = DrivenModel(
+        motion = held_socket(
             disc.mesh(comm),
             {LIMB: self.limb, tags.SOCKET: self.socket},
-            ContactParameters(self.fric_coeff, gamma=stiffness, gamma_t=0.5 * stiffness),
-            socket_support="outer-fixed",
+            Contact(friction=self.friction, gamma=stiffness, gamma_t=0.5 * stiffness),
         )
-        model.contact.load = 1.0
-        return Drive(model)
+        motion.step([LIMB], shift=(0.0, -self.approach()))
+        return motion
 
 
 BORE = Line(bore=12.5, socket=Hencky(e=3.0, nu=0.4))
-PARTIAL_SLIP = Line(divisions=12.0, fric_coeff=0.4)
+PARTIAL_SLIP = Line(divisions=12.0, friction=0.4)
 
 
 @dataclass(frozen=True)
@@ -166,8 +167,6 @@ class Pressed:
         Second moments of pressure and of |shear| about the centre of pressure, N mm.
     stick_half_width : float
         Half the length of the points that stick, mm; it counts points, so that it jumps.
-    point_peak : float
-        Largest pressure of a quadrature point, MPa.
     """
 
     line: Line
@@ -182,81 +181,56 @@ class Pressed:
     weight: FloatArray
     moments: tuple[float, float]
     stick_half_width: float
-    point_peak: float
-
-    @property
-    def half_width_error(self) -> float:
-        """Relative error of the half-width."""
-        return self.half_width / self.line.half_width_of(self.force) - 1.0
-
-    @property
-    def peak_error(self) -> float:
-        """Relative error of the peak pressure."""
-        return self.peak / self.line.peak_of(self.force) - 1.0
-
-    @property
-    def force_error(self) -> float:
-        """Relative error of the force that Hertz gives for the measured half-width."""
-        line = self.line
-        theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
-        return theory / self.force - 1.0
-
-    @property
-    def profile_error(self) -> float:
-        """Root mean square of pressure minus Hertz's, over that of Hertz's."""
-        exact = self.exact_pressure(self.x, self.weight)
-        return _relative(self.pressure, exact, self.weight)
 
     @property
     def stick_ratio(self) -> float:
         """Exact c/a for the measured forces."""
-        return math.sqrt(1.0 - abs(self.tangential) / (self.line.fric_coeff * self.force))
-
-    @property
-    def stick_error(self) -> float:
-        """Relative error of the stick zone's half-width c, from the shear traction.
-
-        The second moment of Cattaneo's traction is mu times that of the pressure times
-        1 - (c/a)^4; the exact c comes from the forces.
-        """
-        normal, tangential = self.moments
-        share = tangential / (self.line.fric_coeff * normal)
-        return (1.0 - share) ** 0.25 / self.stick_ratio - 1.0
-
-    @property
-    def stick_points_error(self) -> float:
-        """Relative error of the length of the points that stick."""
-        return self.stick_half_width / (self.stick_ratio * self.exact_half_width) - 1.0
-
-    @property
-    def shear_error(self) -> float:
-        """Root mean square of shear minus Cattaneo's, over that of Cattaneo's."""
-        return _relative(self.shear, self.exact_shear(self.x, self.weight), self.weight)
+        return math.sqrt(1.0 - abs(self.tangential) / (self.line.friction * self.force))
 
     @property
     def exact_half_width(self) -> float:
         """Hertz's a of the measured force, mm."""
         return self.line.half_width_of(self.force)
 
-    def exact_pressure(self, x: FloatArray, length: FloatArray) -> FloatArray:
-        """Hertz's pressure for the measured force, mean over edges about x, MPa."""
-        a = self.exact_half_width
-        return self.line.peak_of(self.force) * root_mean(x / a, length / a)
+    def hertz_errors(self) -> dict[str, float]:
+        """Relative errors of the pressed disc by what they are of; that of a profile is its rms."""
+        line, force = self.line, self.force
+        theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
+        a, p0 = self.exact_half_width, line.peak_of(force)
+        exact = p0 * root_mean(self.x / a, self.weight / a)
+        return {
+            "force of the measured half-width": theory / force - 1.0,
+            "half-width": self.half_width / a - 1.0,
+            "peak pressure": self.peak / p0 - 1.0,
+            "pressure profile": deviation(self.pressure, exact, self.weight),
+        }
+
+    def slip_errors(self) -> dict[str, float]:
+        """Relative errors of the pulled disc.
+
+        The second moment of Cattaneo's traction is mu times that of the pressure times
+        1 - (c/a)^4, which gives a measured c; the exact one comes from the forces.
+        """
+        normal, tangential = self.moments
+        share = tangential / (self.line.friction * normal)
+        exact = self.exact_shear(self.x, self.weight)
+        return {
+            "stick half-width": (1.0 - share) ** 0.25 / self.stick_ratio - 1.0,
+            "shear profile": deviation(self.shear, exact, self.weight),
+        }
 
     def exact_shear(self, x: FloatArray, length: FloatArray) -> FloatArray:
         """Cattaneo's traction on the skin for the measured forces, mean over edges about x, MPa."""
         a, ratio = self.exact_half_width, self.stick_ratio
         c = ratio * a
-        size = self.line.fric_coeff * self.line.peak_of(self.force)
+        size = self.line.friction * self.line.peak_of(self.force)
         sign = math.copysign(1.0, -self.tangential)
         return sign * size * (root_mean(x / a, length / a) - ratio * root_mean(x / c, length / c))
 
 
 def press(line: Line) -> Pressed:
     """Press the disc in one step."""
-    drive = line.drive(MPI.COMM_SELF)
-    drive.step([LIMB], shift=(0.0, -line.approach()))
-    return read(line, drive)
+    return read(line, line.pressed(MPI.COMM_SELF))
 
 
 def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
@@ -271,52 +245,45 @@ def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
     steps : int
         Steps of the tangential motion.
     """
-    drive = line.drive(MPI.COMM_SELF)
-    drive.step([LIMB], shift=(0.0, -line.approach()))
-    way = share * line.fric_coeff * line.approach()
+    motion = line.pressed(MPI.COMM_SELF)
+    way = share * line.friction * line.approach()
     for _ in range(steps):
-        drive.step([LIMB], shift=(way / steps, 0.0))
-    return read(line, drive)
+        motion.step([LIMB], shift=(way / steps, 0.0))
+    return read(line, motion)
 
 
-def read(line: Line, drive: Drive) -> Pressed:
+def read(line: Line, motion: PrescribedMotion) -> Pressed:
     """Read contact and reactions at the present equilibrium, on one rank."""
-    model = drive.model
-    contact = model.contact
-    model.set_unknowns(drive.solver.x)
-    state = contact.state()
-    reaction, _ = model.reaction(tags.TIBIA_MEDULLARY)
+    problem = motion.problem
+    contact = problem.contact
+    problem.set_unknowns(motion.x)
+    law = contact.state().traction
+    reaction, _ = problem.reaction(tags.TIBIA_MEDULLARY)
     force = -float(reaction[1])
-    law, position, weight = state.traction, contact.deformed_points(), contact.points.weight
-    floor = position[:, 1] < -0.5 * line.radius
+    position, weight = contact.deformed_points(), contact.points.weight
     total = weight @ law.pressure
     x = position[:, 0] - weight @ (law.pressure * position[:, 0]) / total
     edges = len(contact.skin.nodes)
-    length = weight.reshape(edges, -1).sum(axis=1)
-
-    def mean(values: FloatArray) -> FloatArray:
-        return (weight * values).reshape(edges, -1).sum(axis=1) / length
-
-    near = floor.reshape(edges, -1).all(axis=1)
-    near &= np.abs(mean(x)) < 2.0 * line.half_width
-    order = np.flatnonzero(near)[np.argsort(mean(x)[near])]
+    middle, pressure, shear = (edge_means(contact, v) for v in (x, law.pressure, law.shear))
+    near = (position[:, 1] < -0.5 * line.radius).reshape(edges, -1).all(axis=1)
+    near &= np.abs(middle) < 2.0 * line.half_width
+    order = np.flatnonzero(near)[np.argsort(middle[near])]
     return Pressed(
         line=line,
         force=force,
         tangential=float(reaction[0]),
         imbalance=float(abs(total / force - 1.0)),
         half_width=2.0 * math.sqrt(weight @ (law.pressure * x**2) / total),
-        peak=float(mean(law.pressure).max()),
-        x=mean(x)[order],
-        pressure=mean(law.pressure)[order],
-        shear=mean(law.shear)[order],
-        weight=length[order],
+        peak=float(pressure.max()),
+        x=middle[order],
+        pressure=pressure[order],
+        shear=shear[order],
+        weight=weight.reshape(edges, -1).sum(axis=1)[order],
         moments=(
             float(weight @ (law.pressure * x**2)),
             float(weight @ (np.abs(law.shear) * x**2)),
         ),
         stick_half_width=0.5 * float(weight[law.status == STICK].sum()),
-        point_peak=float(law.pressure.max()),
     )
 
 
@@ -331,70 +298,76 @@ def root_mean(x: NDArray[Any], length: NDArray[Any]) -> FloatArray:
     return mean
 
 
-def _relative(values: FloatArray, exact: FloatArray, weight: FloatArray) -> float:
-    return math.sqrt(weight @ (values - exact) ** 2 / (weight @ exact**2))
+def _pressure_lines(flat: Pressed, bore: Pressed) -> list[Curve]:
+    x = np.linspace(-1.5, 1.5, 601)
+    lines: list[Curve] = [
+        (r.x / r.exact_half_width, r.pressure / r.line.peak_of(r.force), mark, name)
+        for r, mark, name in ((flat, "o", "flat"), (bore, "x", "bore"))
+    ]
+    return [*lines, (x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "k-", "Hertz")]
+
+
+def _shear_lines(partial: Pressed) -> list[Curve]:
+    a, mu = partial.exact_half_width, partial.line.friction
+    scale = mu * partial.line.peak_of(partial.force)
+    x = np.linspace(-1.5, 1.5, 1201)
+    exact = partial.exact_shear(x * a, np.full_like(x, 1e-6 * a))
+    return [
+        (partial.x / a, partial.pressure * mu / scale, ".C7", None),
+        (x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "-C7", "mu p"),
+        (partial.x / a, np.abs(partial.shear) / scale, "o", "computed"),
+        (x, np.abs(exact) / scale, "k-", "Cattaneo, Mindlin"),
+    ]
 
 
 def report() -> Section:
     """Hertz on a flat and in a bore, and partial slip: minutes."""
-    flat = [press(Line(divisions=n)) for n in DIVISIONS]
-    bore = [press(replace(BORE, divisions=n)) for n in DIVISIONS]
+    presses = {
+        name: [press(replace(line, divisions=n)) for n in DIVISIONS]
+        for name, line in (("on a flat", Line()), ("in a bore", BORE))
+    }
     partial = press_and_pull(PARTIAL_SLIP, SHARE, STEPS)
-    checks = []
-    for name, results in (("on a flat", flat), ("in a bore", bore)):
-        finest = results[-1]
-        for what, value in (
-            ("force of the measured half-width", finest.force_error),
-            ("half-width", finest.half_width_error),
-            ("peak pressure", finest.peak_error),
-            ("pressure profile", finest.profile_error),
-        ):
-            checks.append(Check(f"disc {name}: {what}", value, 0.01, "", JOHNSON))
-    checks += [
-        Check("partial slip: stick half-width", partial.stick_error, 0.02, "", CATTANEO),
-        Check("partial slip: shear profile", partial.shear_error, 0.02, "", CATTANEO),
+    errors = {name: [p.hertz_errors() for p in pressed] for name, pressed in presses.items()}
+    checks = [
+        Check(f"disc {name}: {what}", error, 0.01, JOHNSON)
+        for name, by_size in errors.items()
+        for what, error in by_size[-1].items()
     ]
-
-    def pressure(axes: Axes) -> None:
-        for name, result, mark in (("flat", flat[-1], "o"), ("bore", bore[-1], "x")):
-            scale = result.line.peak_of(result.force)
-            axes.plot(result.x / result.exact_half_width, result.pressure / scale, mark, label=name)
-        x = np.linspace(-1.5, 1.5, 601)
-        axes.plot(x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "k-", lw=1, label="Hertz")
-        axes.set(xlabel="x / a", ylabel="p / p0", xlim=(-1.5, 1.5))
-        axes.legend()
-
-    def shear(axes: Axes) -> None:
-        a = partial.exact_half_width
-        scale = partial.line.fric_coeff * partial.line.peak_of(partial.force)
-        x = np.linspace(-1.5, 1.5, 1201)
-        exact = partial.exact_shear(x * a, np.full_like(x, 1e-6 * a))
-        axes.plot(partial.x / a, partial.pressure * partial.line.fric_coeff / scale, ".", c="0.6")
-        axes.plot(x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "-", c="0.6", lw=1, label="mu p")
-        axes.plot(partial.x / a, np.abs(partial.shear) / scale, "o", label="computed")
-        axes.plot(x, np.abs(exact) / scale, "k-", lw=1, label="Cattaneo, Mindlin")
-        axes.set(xlabel="x / a", ylabel="q / (mu p0)", xlim=(-1.5, 1.5))
-        axes.legend()
-
-    def convergence(axes: Axes) -> None:
-        n = np.array(DIVISIONS)
-        for name, results, style in (("flat", flat, "-"), ("bore", bore, "--")):
-            for what, values in (
-                ("half-width", [r.half_width_error for r in results]),
-                ("peak", [r.peak_error for r in results]),
-                ("profile", [r.profile_error for r in results]),
-            ):
-                axes.loglog(n, np.abs(values), style, marker="o", label=f"{what}, {name}")
-        axes.set(xlabel="element sides in a half-width", ylabel="relative error")
-        axes.legend(fontsize="small")
-
+    checks += [
+        Check(f"partial slip: {what}", error, 0.02, CATTANEO)
+        for what, error in partial.slip_errors().items()
+    ]
+    convergence: list[Curve] = [
+        (DIVISIONS, [abs(e[what]) for e in by_size], f"o{style}C{k}", f"{what}, {name}")
+        for (name, by_size), style in zip(errors.items(), ("-", "--"), strict=True)
+        for k, what in enumerate(("half-width", "peak pressure", "pressure profile"))
+    ]
+    flat, bore = (pressed[-1] for pressed in presses.values())
     return Section(
         title="Hertz and partial slip",
         text=__doc__ or "",
         checks=checks,
         figures=[
-            Figure("hertz_pressure", pressure, "Contact pressure and Hertz's."),
-            Figure("hertz_convergence", convergence, "Errors against Hertz with the element size."),
-            Figure("partial_slip", shear, "Shear traction under a tangential force below slip."),
+            curves(
+                "hertz_pressure",
+                "Contact pressure and Hertz's.",
+                ("x / a", "p / p0"),
+                _pressure_lines(flat, bore),
+                xlim=(-1.5, 1.5),
+            ),
+            curves(
+                "hertz_convergence",
+                "Errors against Hertz with the element size.",
+                ("element sides in a half-width", "relative error"),
+                convergence,
+                **LOG,
+            ),
+            curves(
+                "partial_slip",
+                "Shear traction under a tangential force below slip.",
+                ("x / a", "q / (mu p0)"),
+                _shear_lines(partial),
+                xlim=(-1.5, 1.5),
+            ),
         ],
     )

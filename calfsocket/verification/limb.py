@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.io.errors import InputError, SolveError
-from calfsocket.meshes.data import load_sockets
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
 from calfsocket.meshes.sizing import named_size
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.vtu import read_fields
 from calfsocket.simulation.case import Settings
 from calfsocket.study.study import all_cases
@@ -158,15 +158,15 @@ def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
     """
     settings = Settings(size=size)
     paths, failures = [], []
-    for case in all_cases(load_sockets()):
+    for case in all_cases(reference_sockets()):
         ways: list[tuple[float, bool | None]] = [(largest, None) for largest in STEPS]
         if case.material_set == "separate":
             ways.append((STEPS[0], True))
-        for largest, predict in ways:
+        for largest, extrapolate in ways:
             try:
-                paths.append(follow(case, settings, largest, predict))
+                paths.append(follow(case, settings, largest, extrapolate))
             except SolveError as error:
-                predictor = ", secant predictor" if predict else ""
+                predictor = ", secant predictor" if extrapolate else ""
                 failures.append(f"steps of {largest:g}{predictor}: {error}")
     return paths, failures
 
@@ -203,7 +203,7 @@ def _branches(
         mean = path.mean_pressure / reference.mean_pressure - 1.0
         if abs(mean) > SAME_END:
             moved = np.linalg.norm(path.displacement - reference.displacement, axis=1).max()
-            predictor = "the secant predictor" if path.predict else "no predictor"
+            predictor = "the secant predictor" if path.extrapolate else "no predictor"
             other.append(
                 f"{path.case.name} with steps of {path.largest:g} and {predictor} ends with "
                 f"{100 * mean:+.2f} % of mean contact pressure and points up to {moved:.2f} mm away"
@@ -224,12 +224,12 @@ def _run_checks(folders: Mapping[str, Path]) -> list[Check]:
     for size, folder in folders.items():
         entries = run_entries(folder).values()
         solved = sum(entry["status"] == "solved" for entry in entries)
-        modes = sum(entry["negative_modes"] for entry in entries)
-        force = max(entry["relative_force_imbalance"] for entry in entries)
+        modes = sum(entry["checks"]["negative_modes"] for entry in entries)
+        force = max(entry["checks"]["relative_force_imbalance"] for entry in entries)
         checks += [
-            Check(f"{size}: runs at full load", solved, len(entries), "", "count", "exactly"),
-            Check(f"{size}: negative modes of all runs", modes, 0, "", "stability", "exactly"),
-            Check(f"{size}: force imbalance, worst run", force, 1e-6, "", "equilibrium"),
+            Check(f"{size}: runs at full load", solved, len(entries), "count", rule="exactly"),
+            Check(f"{size}: negative modes of all runs", modes, 0, "stability", rule="exactly"),
+            Check(f"{size}: force imbalance, worst run", force, 1e-6, "equilibrium"),
         ]
     return checks
 
@@ -245,49 +245,49 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
             f"{name}: last change, worst run",
             float(
                 table.loc[
-                    (table["tissue"] == tissue) & (table["outcome"] == outcome),
+                    (table["tissue"] == tissue) & (table["quantity"] == quantity),
                     f"change_{finest}_pct",
                 ]
                 .abs()
                 .max()
             ),
             1.0,
-            "%",
             "the mesh before",
+            "%",
         )
-        for (tissue, outcome), name in pressures.items()
+        for (tissue, quantity), name in pressures.items()
     ]
 
 
 def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> list[Check]:
     reached = sum(path.as_the_study(path.largest) for path in paths)
-    asked = len(STEPS) * len(all_cases(load_sockets()))
+    asked = len(STEPS) * len(all_cases(reference_sockets()))
     checks = [
-        Check("the study's paths that reach the full load", reached, asked, "", "count", "exactly")
+        Check("the study's paths that reach the full load", reached, asked, "count", rule="exactly")
     ]
     for path in paths:
         name = f"{path.case.name}, steps of {path.largest:g}"
         if not path.as_the_study(path.largest):
             continue
         energy = 100.0 * path.energy.error
-        checks.append(Check(f"{name}: work less energy and friction", energy, 1.0, "%", "balance"))
+        checks.append(Check(f"{name}: work less energy and friction", energy, 1.0, "balance", "%"))
         if path.largest == STEPS[0]:
             order = path.probe.order
             checks.append(
-                Check(f"{name}: Newton's order at the end", order, 1.9, "", "2", "at least")
+                Check(f"{name}: Newton's order at the end", order, 1.9, "2", rule="at least")
             )
         else:
             mean = 100.0 * (path.mean_pressure / references[path.case.name].mean_pressure - 1.0)
             source = f"steps of {STEPS[0]:g}"
             checks.append(
-                Check(f"{name}: mean contact pressure", mean, 100.0 * SAME_END, "%", source)
+                Check(f"{name}: mean contact pressure", mean, 100.0 * SAME_END, source, "%")
             )
     return checks
 
 
 def _fascia_quantiles(folders: Mapping[str, Path]) -> pd.DataFrame:
     rows = []
-    for socket in load_sockets().sockets:
+    for socket in reference_sockets():
         for size, folder in folders.items():
             fields = read_fields(folder / f"{socket}_separate")
             stress = convergence.stress_quantiles(fields, "fascia")

@@ -24,7 +24,7 @@ from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import effective_stress
 from calfsocket.verification.report import Figure
 
-KEY = ["socket", "material_set", "tissue", "outcome"]
+KEY = ["socket", "material_set", "tissue", "quantity"]
 CONVERGED, CONVERGING = 5.0, 10.0
 """Largest last change, %."""
 
@@ -99,11 +99,11 @@ def _reason(row: pd.Series, sizes: Sequence[str]) -> str:
 
 
 def digest(table: pd.DataFrame, sizes: Sequence[str]) -> pd.DataFrame:
-    """Largest last change and uncertainty over the sockets, by outcome and material set, in %."""
+    """Largest last change and uncertainty over the sockets, by quantity and material set, in %."""
     last = f"change_{sizes[-1]}_pct"
     rows = []
-    for (tissue, outcome), group in table.groupby(["tissue", "outcome"], sort=False):
-        row: dict[str, object] = {"tissue": tissue, "outcome": outcome}
+    for (tissue, quantity), group in table.groupby(["tissue", "quantity"], sort=False):
+        row: dict[str, object] = {"tissue": tissue, "quantity": quantity}
         for name, part in group.groupby("material_set", sort=False):
             settled = (part["verdict"] != "not converged").all()
             uncertainty = f"{part['uncertainty_pct'].max():.2g}" if settled else "not converged"
@@ -136,7 +136,7 @@ def unconverged(
         rows.append(
             {
                 "case": case,
-                "outcome": f"{number['tissue']} {number['outcome']}, {number['unit']}",
+                "quantity": f"{number['tissue']} {number['quantity']}, {number['unit']}",
                 **{size: number[f"value_{size}"] for size in sizes},
                 "site": f"{region} ({x:.0f}, {y:.0f})".replace("_", " "),
                 "nearest other material": f"{near}, {distance:.1f} mm".replace("_", " "),
@@ -195,8 +195,8 @@ def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]
 
     def draw(axes: Axes) -> None:
         relative = [np.sqrt(cells[sizes[-1]] / cells[size]) for size in sizes[:-1]]
-        for k, ((tissue, outcome), label) in enumerate(shown.items()):
-            part = table[(table["tissue"] == tissue) & (table["outcome"] == outcome)]
+        for k, ((tissue, quantity), label) in enumerate(shown.items()):
+            part = table[(table["tissue"] == tissue) & (table["quantity"] == quantity)]
             for name, style in (("separate", "o-"), ("combined", "s--")):
                 of_set = part[part["material_set"] == name]
                 finest = of_set[f"value_{sizes[-1]}"].abs()

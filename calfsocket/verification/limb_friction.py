@@ -29,24 +29,24 @@ branches are stable. Local pressure differs between them by as much as leaving f
 it at the front.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calfsocket.contact.friction import OPEN, SLIP
-from calfsocket.contact.nitsche import ContactParameters, ContactState
-from calfsocket.mechanics.problem import Model, SocketSupport
-from calfsocket.mechanics.stepping import LoadStep, StepControl, Stepper
+from calfsocket.contact.nitsche import ContactState
+from calfsocket.contact.parameters import Contact
+from calfsocket.mechanics.limb_problem import SocketSupport
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps
 from calfsocket.meshes import tags
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes.socket import Socket
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
 from calfsocket.postprocess.quantities import running_mean, summary_rows
@@ -58,16 +58,11 @@ from calfsocket.simulation.case import (
     case_laws,
     region_tissues,
 )
-from calfsocket.verification.release_paths import DampedModel, ShrinkingModel
-from calfsocket.verification.report import Check, Figure, Section
+from calfsocket.verification.release_paths import path_problem
+from calfsocket.verification.report import Check, Figure, Section, curves
+from calfsocket.verification.sampling import Slid
 
 FloatArray = NDArray[np.float64]
-
-PATHS: dict[str, type[Model]] = {
-    "closed": Model,
-    "stiffened": DampedModel,
-    "shrunk": ShrinkingModel,
-}
 
 
 @dataclass(frozen=True)
@@ -130,7 +125,7 @@ def fit(
     path: str,
     largest: float,
     size: str = "coarse",
-    contact: ContactParameters | None = None,
+    contact: Contact | None = None,
     support: SocketSupport = "floating",
 ) -> Fitting:
     """Put a socket on the limb.
@@ -140,45 +135,50 @@ def fit(
     case : Case
         Socket and material set.
     path : str
-        One of `PATHS`.
+        One of `release_paths.PATHS`.
     largest : float
         Largest load step.
     size : str
         Mesh size.
-    contact : ContactParameters
+    contact : Contact
         Friction and contact stiffness; the study's unless given.
     support : str
         Whether the socket floats.
     """
-    limb, laws, tissues = load_limb(), case_laws(case, Settings()), region_tissues(load_limb())
-    section = section_mesh(MPI.COMM_SELF, limb, load_sockets().socket(case.socket), mesh_size(size))
-    model = PATHS[path](
-        section, {name: laws[tissues[name]] for name in section.regions}, contact, support
+    limb, laws, tissues = (
+        Limb.reference(),
+        case_laws(case, Settings()),
+        region_tissues(Limb.reference()),
     )
+    section = section_mesh(MPI.COMM_SELF, limb, Socket.reference(case.socket), mesh_size(size))
+    region_laws = {name: laws[tissues[name]] for name in section.regions}
+    problem = path_problem(path, section, region_laws, contact, support)
+    skin = problem.contact
     history: list[dict[str, float]] = []
-    slid = np.zeros(len(model.contact.points.weight))
-    before = model.contact.state()
+    slid = np.zeros(len(skin.points.weight))
+    before = skin.state()
 
     def watch(step: LoadStep) -> None:
         nonlocal before, slid
         if not step.newton.converged:
             return
-        model.set_unknowns(stepper.solver.x)
-        state = model.contact.state()
-        way = model.contact.chain.slip(state.projection.arc, before.projection.arc)
-        slid = slid + np.where(state.traction.status == SLIP, np.abs(way), 0.0)
+        problem.set_unknowns(stepper.newton.x)
+        state = skin.state()
+        way = np.abs(Slid.between(skin, before, state).slip)
+        slid = slid + np.where(state.traction.status == SLIP, way, 0.0)
         before = state
-        history.append(_history_row(step.load, state, model.contact.points.weight))
-        if isinstance(model, DampedModel):
-            model.rest(stepper.solver.x)
+        history.append(_history_row(step.load, state, skin.points.weight))
+        if path == "stiffened" and problem.foundation is not None:
+            problem.foundation.rest(problem.w.x.array)
 
-    stepper = Stepper(model, StepControl(first=min(0.1, largest), largest=largest), on_step=watch)
+    steps = LoadSteps(first=min(0.1, largest), largest=largest)
+    stepper = LoadStepper(problem, steps, on_step=watch)
     stepper.run()
-    fields, line = section_fields(model, tissues), contact_line(model)
+    fields, line = section_fields(problem, tissues), contact_line(problem)
     assert fields is not None and line is not None  # on one rank
     limb_nodes = np.unique(fields.cells[fields.region != section.regions[tags.SOCKET]])
-    imbalance, pressing = model.force_balance(stepper.solver.x)
-    order = cKDTree(model.contact.deformed_points()).query(np.stack([line.x_mm, line.y_mm], 1))[1]
+    imbalance, pressing = problem.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
+    order = cKDTree(skin.deformed_points()).query(np.stack([line.x_mm, line.y_mm], 1))[1]
     return Fitting(
         line=line,
         summary=summary_rows(fields, line, *case.key),
@@ -186,7 +186,7 @@ def fit(
         history=pd.DataFrame(history),
         slid=slid[order],
         imbalance=imbalance / pressing,
-        negative_modes=stepper.solver.negative_modes(),
+        negative_modes=stepper.newton.negative_modes(),
     )
 
 
@@ -214,7 +214,7 @@ TISSUES = (
     ("muscle", "shear_log_strain", "%"),
     ("fascia", "effective_stress", "kPa"),
 )
-FREE = ContactParameters(fric_coeff=0.0)
+FREE = Contact(friction=0.0)
 NO_FRICTION = "no friction"
 SAME = "the same problem"
 
@@ -238,7 +238,7 @@ def report(size: str = "coarse") -> Section:
             if len(fits) > 1:
                 change = fits[-2].shear_ratio / fits[-1].shear_ratio - 1.0
                 name = f"{socket}, {path}: shear over pressure, step {steps[-2]} for {steps[-1]}"
-                checks.append(Check(name, change, 0.01, "", SAME))
+                checks.append(Check(name, change, 0.01, SAME))
         ends[NO_FRICTION] = fit(case, "closed", 0.1, size, FREE)
         rows.append(_row(case, NO_FRICTION, 0.1, ends[NO_FRICTION]))
         checks += _end_checks(socket, ends)
@@ -247,14 +247,14 @@ def report(size: str = "coarse") -> Section:
     case = Case("TSB", "separate")
     rows.append(_row(case, "stiffened", 0.1, fit(case, "stiffened", 0.1, size)))
     for ratio in SPRINGS:
-        springs = ContactParameters(gamma_t=ratio * FREE.gamma)
+        springs = Contact(gamma_t=ratio * FREE.gamma)
         made = fit(case, "stiffened", 0.05, size, springs)
         rows.append(_row(case, f"stiffened, e_t/e = {ratio:g}", 0.05, made))
     smooth = fit(case, "stiffened", 0.1, size, FREE).line
     exact = fit(case, "closed", 0.1, size, FREE).line
     difference = np.abs(smooth.pressure_kPa - exact.pressure_kPa).max() / exact.pressure_kPa.max()
     name = "TSB without friction, stiffened: largest difference of pressure"
-    checks.append(Check(name, float(difference), 1e-5, "", SAME))
+    checks.append(Check(name, float(difference), 1e-5, SAME))
     text = "\n".join([__doc__ or "", *findings, "", _markdown(rows)])
     return Section("Friction on the limb", text, checks, figures)
 
@@ -263,29 +263,18 @@ def _end_checks(socket: str, ends: dict[str, Fitting]) -> list[Check]:
     """Check what every path must end in."""
     lines = [made.line for made in ends.values()]
     gap = max(float(np.abs(line.gap_mm[line.status != "open"]).max()) for line in lines)
-    checks = [
-        Check(f"{socket}, {path}: mean pressure", made.mean_pressure / closed - 1.0, 0.04, "", SAME)
-        for closed in [ends["closed"].mean_pressure]
-        for path, made in ends.items()
-        if path != "closed"
-    ]
+    imbalance = max(made.imbalance for made in ends.values())
+    modes = sum(made.negative_modes for made in ends.values())
+    closed = ends["closed"].mean_pressure
     return [
-        *checks,
-        Check(f"{socket}: gap in contact", gap, GAP_TOLERANCE, "mm", "Signorini"),
-        Check(
-            f"{socket}: force balance",
-            max(made.imbalance for made in ends.values()),
-            FORCE_TOLERANCE,
-            "",
-            "tibia's reaction",
+        *(
+            Check(f"{socket}, {path}: mean pressure", made.mean_pressure / closed - 1.0, 0.04, SAME)
+            for path, made in ends.items()
+            if path != "closed"
         ),
-        Check(
-            f"{socket}: negative modes",
-            sum(made.negative_modes for made in ends.values()),
-            0.0,
-            "",
-            "stable equilibria",
-        ),
+        Check(f"{socket}: gap in contact", gap, GAP_TOLERANCE, "Signorini", "mm"),
+        Check(f"{socket}: force balance", imbalance, FORCE_TOLERANCE, "tibia's reaction"),
+        Check(f"{socket}: negative modes", modes, 0.0, "stable equilibria"),
     ]
 
 
@@ -332,50 +321,35 @@ def _markdown(rows: list[dict[str, str]]) -> str:
 def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
     """Pressure, shear and slip along the skin, and shear as the pressure rises."""
     rough = {path: end for path, end in made.items() if path != NO_FRICTION}
-
-    def along(
-        axes: Axes,
-        ends: dict[str, Fitting],
-        values: Callable[[Fitting], FloatArray],
-        label: str,
-    ) -> None:
-        for path, end in ends.items():
-            axes.plot(end.line.arc_mm, values(end), label=path, lw=1.2)
-        axes.set(xlabel="along the skin from lateral, by anterior, mm", ylabel=label)
-        axes.legend()
-
-    def pressure(axes: Axes) -> None:
-        along(axes, made, lambda end: running_mean(end.line), "contact pressure (3 mm mean), kPa")
-
-    def shear(axes: Axes) -> None:
-        along(
-            axes,
-            rough,
-            lambda end: _mean_along(end.line, end.line.shear_kPa),
-            "shear traction (3 mm mean), kPa",
+    pressures = {path: running_mean(end.line) for path, end in made.items()}
+    shears = {path: _mean_along(end.line, end.line.shear_kPa) for path, end in rough.items()}
+    ways = {path: 1e3 * _mean_along(end.line, end.slid) for path, end in rough.items()}
+    name, along = f"limb_friction_{socket}", "along the skin from lateral, by anterior, mm"
+    figures = [
+        curves(
+            f"{name}_{what}",
+            f"{socket}: {caption}",
+            (along, label),
+            [(made[path].line.arc_mm, values, "-", path) for path, values in by_path.items()],
         )
-
-    def slid(axes: Axes) -> None:
-        along(
-            axes,
-            rough,
-            lambda end: 1e3 * _mean_along(end.line, end.slid),
-            "way slid (3 mm mean), um",
+        for what, caption, label, by_path in (
+            (
+                "pressure",
+                "contact pressure by path.",
+                "pressure (3 mm mean), kPa",
+                pressures,
+            ),
+            ("shear", "shear traction by path.", "shear traction (3 mm mean), kPa", shears),
+            ("slid", "how far the skin slid on the socket.", "way slid (3 mm mean), um", ways),
         )
-
-    def rise(axes: Axes) -> None:
-        for path, end in rough.items():
-            axes.plot(end.history.mean_pressure, end.history.shear_ratio, ".-", label=path)
-        axes.set(xlabel="mean contact pressure, kPa", ylabel="mean |shear| / mean pressure")
-        axes.legend()
-
-    name = f"limb_friction_{socket}"
-    return [
-        Figure(f"{name}_pressure", pressure, f"{socket}: contact pressure by path."),
-        Figure(f"{name}_shear", shear, f"{socket}: shear traction by path."),
-        Figure(f"{name}_slid", slid, f"{socket}: how far the skin slid on the socket."),
-        Figure(f"{name}_rise", rise, f"{socket}: shear as the pressure rises."),
     ]
+    rise = [
+        (end.history.mean_pressure, end.history.shear_ratio, ".-", path)
+        for path, end in rough.items()
+    ]
+    labels = "mean contact pressure, kPa", "mean |shear| / mean pressure"
+    caption = f"{socket}: shear as the pressure rises."
+    return [*figures, curves(f"{name}_rise", caption, labels, rise)]
 
 
 def _mean_along(line: ContactLine, values: FloatArray) -> FloatArray:

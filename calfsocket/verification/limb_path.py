@@ -1,7 +1,7 @@
 """A run of the limb followed step by step: Newton's iterations, energies, and the end state."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from calfsocket.io.errors import SolveError
 from calfsocket.mechanics.stepping import LoadStep
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.postprocess.quantities import summary_rows
-from calfsocket.simulation.case import Case, Run, Settings, region_tissues
+from calfsocket.simulation.case import Case, Run, Settings, region_tissues, step_control
 from calfsocket.verification.energy import EnergyBalance, EnergyMeter
 from calfsocket.verification.newton import (
     LAST_ITERATIONS,
@@ -38,7 +39,7 @@ class LimbPath:
         What was solved.
     largest : float
         Largest load step allowed.
-    predict : bool
+    extrapolate : bool
         Whether each step began from the secant through the last two states.
     steps : tuple of LoadStep
         Failed ones too.
@@ -58,7 +59,7 @@ class LimbPath:
 
     case: Case
     largest: float
-    predict: bool
+    extrapolate: bool
     steps: tuple[LoadStep, ...]
     solves: list[Solve]
     energy: EnergyBalance
@@ -73,8 +74,10 @@ class LimbPath:
         return self.value("skin", "contact_pressure_mean")
 
     def as_the_study(self, largest: float) -> bool:
-        """Whether it has these steps, and the study's predictor."""
-        return self.largest == largest and self.predict == (self.case.material_set == "combined")
+        """Whether it has these steps, and the study's extrapolation."""
+        return self.largest == largest and self.extrapolate == (
+            self.case.material_set == "combined"
+        )
 
     def value(self, tissue: str, outcome: str) -> float:
         """Value of an outcome at the end."""
@@ -82,7 +85,9 @@ class LimbPath:
         return float(table[(table.tissue == tissue) & (table.outcome == outcome)]["value"].iloc[0])
 
 
-def follow(case: Case, settings: Settings, largest: float, predict: bool | None = None) -> LimbPath:
+def follow(
+    case: Case, settings: Settings, largest: float, extrapolate: bool | None = None
+) -> LimbPath:
     """Solve a case with load steps of at most `largest` (one rank).
 
     Parameters
@@ -91,30 +96,31 @@ def follow(case: Case, settings: Settings, largest: float, predict: bool | None 
         What to solve.
     largest : float
         Largest load step; the first one is no larger.
-    predict : bool, optional
-        Whether to predict; as the study does unless given.
+    extrapolate : bool, optional
+        Whether to extrapolate; as the study does unless given.
 
     Raises
     ------
     SolveError
         If the run does not reach the full load.
     """
-    limb = load_limb()
-    socket = load_sockets().socket(case.socket)
+    limb = Limb.reference()
+    socket = Socket.reference(case.socket)
     with recording() as solves:
         run = Run(MPI.COMM_SELF, case, settings, limb, socket, on_step=lambda s: record(s))
         stepper, model = run.stepper, run.model
-        first = min(largest, stepper.control.first)
-        stepper.control = replace(stepper.control, first=first, largest=largest)
-        if predict is not None:
-            stepper.control = replace(stepper.control, predict=predict)
+        control = step_control(case, settings)
+        changes = {"first": min(largest, control.first), "largest": largest}
+        if extrapolate is not None:
+            changes["extrapolate"] = extrapolate
+        stepper.control = control = control.model_copy(update=changes)
         meter = EnergyMeter(model)
-        states = [stepper.solver.x.array.copy()]
+        states = [stepper.newton.x.array.copy()]
 
         def record(step: LoadStep) -> None:
             meter.record(step)
             if step.newton.converged:
-                states.append(stepper.solver.x.array.copy())
+                states.append(stepper.newton.x.array.copy())
 
         run.solve()
     if run.failure:
@@ -125,14 +131,14 @@ def follow(case: Case, settings: Settings, largest: float, predict: bool | None 
     return LimbPath(
         case=case,
         largest=largest,
-        predict=stepper.control.predict,
+        extrapolate=control.extrapolate,
         steps=tuple(stepper.steps),
         solves=solves,
         energy=meter.balance(),
-        probe=probe_at(model, stepper.solver.x, states[-1] - states[-2]),
+        probe=probe_at(model, stepper.newton.x, states[-1] - states[-2]),
         summary=summary_rows(fields, line, case.socket, case.material_set),
         displacement=fields.displacement,
-        negative_modes=stepper.solver.negative_modes(),
+        negative_modes=stepper.newton.negative_modes(),
     )
 
 
@@ -155,7 +161,7 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
             {
                 "case": path.case.name,
                 "largest step": path.largest,
-                "predictor": "secant" if path.predict else "none",
+                "predictor": "secant" if path.extrapolate else "none",
                 "steps": len(path.energy.load) - 1,
                 "Newton": sum(step.newton.iterations for step in path.steps),
                 "mean pressure, kPa": path.mean_pressure,

@@ -9,8 +9,8 @@ import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
-from calfsocket.materials.material_set import BASE_SETS, BaseSet
-from calfsocket.meshes.data import load_limb, load_sockets
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.simulation.case import Case, Settings
 from calfsocket.study.study import RUN_FILE, Study, check_folder, run_study
 
@@ -37,11 +37,11 @@ def solved_study(
     InputError
         If the folder holds results that were made with other inputs.
     """
-    sockets = load_sockets()
+    sockets = reference_sockets()
     study = Study(
-        cases=tuple(Case(s, name) for s in sockets.sockets for name in material_sets),
+        cases=tuple(Case(s, name) for s in sockets for name in material_sets),
         settings=settings,
-        limb=load_limb(),
+        limb=Limb.reference(),
         sockets=sockets,
         out=folder,
         pictures=False,

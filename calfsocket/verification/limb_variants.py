@@ -42,7 +42,7 @@ def comparison(folders: Mapping[str, Path]) -> pd.DataFrame:
         for (socket, material_set), part in summary(folder).groupby(
             ["socket", "material_set"], sort=False
         ):
-            value = part.set_index(["tissue", "outcome"])["value"]
+            value = part.set_index(["tissue", "quantity"])["value"]
             shown = {column: float(value[key]) for column, key in SHOWN.items()}
             rows.append({"case": f"{socket}_{material_set}", "variant": name, **shown})
     table = pd.DataFrame(rows)

@@ -13,14 +13,16 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from calfsocket.materials.laws import Law
 from calfsocket.materials.tissues import FASCIA, SKIN
+from calfsocket.mechanics.constraints import Constraint
+from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes.distributed import SectionMesh
-from calfsocket.verification.body import Body, at_points
-from calfsocket.verification.report import Check, Figure
+from calfsocket.verification.problems import solved
+from calfsocket.verification.report import LOG, Check, Figure, curves
+from calfsocket.verification.sampling import at_points
 from calfsocket.verification.strips import INNER, LEFT, OUTER, quarter_ring
 
 FloatArray = NDArray[np.float64]
@@ -171,16 +173,14 @@ def manufactured_error(exact: Manufactured, section: SectionMesh, held: str) -> 
         ) * ufl.ds(domain, metadata=rule)
 
     (region,) = section.regions
-    body = Body(
-        section,
-        {region: exact.law},
-        [(held, c, exact.displacement) for c in range(2)],
-        loads=loads,
-    )
+    constraint = Constraint(held, values=exact.displacement)
+    problem = Problem(section, {region: exact.law}, [constraint], [loads])
     # Loads grown in proportion need not lead there, so the solution is looked for where it is.
-    body.start_from(exact.displacement, exact.pressure)
-    body.solve()
-    at = at_points(body)
+    scale = exact.law.initial_shear_modulus
+    problem.w.sub(0).interpolate(lambda x: exact.displacement(x[:2]))
+    problem.w.sub(1).interpolate(lambda x: exact.pressure(x[:2]) / scale)
+    solved(problem)
+    at = at_points(section, problem.w, problem.fields)
     G = exact.gradient(at.x)
 
     def norm(values: Array) -> float:
@@ -218,9 +218,8 @@ def checks(convergences: Mapping[str, Convergence]) -> list[Check]:
             f"{name}: order of {norm}",
             result.rate(norm),
             least,
-            "",
             "manufactured solution",
-            "at least",
+            rule="at least",
         )
         for name, result in convergences.items()
         for norm, least in RATES.items()
@@ -229,14 +228,10 @@ def checks(convergences: Mapping[str, Convergence]) -> list[Check]:
 
 def figure(convergences: Mapping[str, Convergence]) -> Figure:
     """Plot the errors over the element size."""
-
-    def draw(axes: Axes) -> None:
-        for (name, result), style in zip(convergences.items(), ("o-", "s--"), strict=True):
-            for k, norm in enumerate(RATES):
-                axes.loglog(
-                    result.h, result.errors[norm], style, color=f"C{k}", label=f"{name}, {norm}"
-                )
-        axes.set(xlabel="element size, mm", ylabel="relative error")
-        axes.legend(fontsize="small")
-
-    return Figure("element_rates", draw, "Manufactured solutions on curved triangles.")
+    lines = [
+        (result.h, result.errors[norm], f"{style}C{k}", f"{name}, {norm}")
+        for (name, result), style in zip(convergences.items(), ("o-", "s--"), strict=True)
+        for k, norm in enumerate(RATES)
+    ]
+    caption = "Manufactured solutions on curved triangles."
+    return curves("element_rates", caption, ("element size, mm", "relative error"), lines, **LOG)

@@ -7,22 +7,25 @@ A socket that is too small can be let go in more than one way, and friction reme
 - ``shrunk``: the socket starts swollen and clear of the limb, and shrinks to its size, stress free,
   until it would fit no limb; true contact and friction from the first touch (`ShrinkingContact`).
 
-All three run from load 0 to load 1 under the program's own `Stepper`.
+All three run from load 0 to load 1 under the program's own `LoadStepper`.
 """
 
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 from scipy.optimize import brentq
 
-from calfsocket.contact.interface import ContactInterface
-from calfsocket.contact.nitsche import ContactParameters
-from calfsocket.mechanics.problem import Model
+from calfsocket.contact.interface import ContactInterface, ContactPair
+from calfsocket.contact.parameters import Contact
+from calfsocket.materials.fields import LawFields
+from calfsocket.materials.law import Law
+from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
+from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
+from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
 
@@ -48,17 +51,16 @@ class StiffeningContact(ContactInterface):
     """
 
     @property
-    def parameters(self) -> ContactParameters:
+    def parameters(self) -> Contact:
         """Parameters with the stiffness of the present load."""
-        softened = min(1.0, self.stiffness / self._rigid.gamma)
-        return replace(
-            self._rigid,
-            gamma=softened * self._rigid.gamma,
-            gamma_t=softened * self._rigid.gamma_t,
+        rigid = self._rigid
+        softened = min(1.0, self.stiffness / rigid.gamma)
+        return rigid.model_copy(
+            update={"gamma": softened * rigid.gamma, "gamma_t": softened * rigid.gamma_t}
         )
 
     @parameters.setter
-    def parameters(self, parameters: ContactParameters) -> None:
+    def parameters(self, parameters: Contact) -> None:
         self._rigid = parameters
 
     @property
@@ -117,7 +119,8 @@ CLEARANCE = 0.1
 """Smallest distance of the swollen socket from the limb, mm."""
 
 GUIDE_STIFFNESS = 1e-5
-"""Bedding in N/mm^3 of a floating socket that does not touch the limb yet; none at full load."""
+"""Foundation in N/mm^3 of a floating socket that does not touch the limb yet; it fades out with the
+load."""
 
 
 class ShrinkingContact(ContactInterface):
@@ -136,11 +139,19 @@ class ShrinkingContact(ContactInterface):
     swelling = 0.0
     _centre: FloatArray = np.zeros(2)
 
-    def swell(self, nodes: NDArray[np.int32]) -> None:
-        """Swell the socket at load 0; `nodes` are those of its body on this rank (collective)."""
+    def __init__(
+        self,
+        w: fem.Function,
+        section: SectionMesh,
+        laws: Mapping[str, Law],
+        fields: LawFields,
+        pair: ContactPair,
+    ) -> None:
+        super().__init__(w, section, laws, fields, pair)
+        cells = section.cell_tags.find(section.regions[tags.SOCKET])
         self._centre = self.chain.reference[:, 2].mean(axis=0)
-        self._nodes = nodes
-        self._own_size = self._mesh.geometry.x[nodes, :2].copy()
+        self._nodes = np.unique(section.mesh.geometry.dofmap[cells])
+        self._own_size = section.mesh.geometry.x[self._nodes, :2].copy()
         if self._smallest_gap(0.0) < CLEARANCE:
             self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
         self.load = 0.0
@@ -161,10 +172,10 @@ class ShrinkingContact(ContactInterface):
         """Nothing is taken off the gaps."""
         return np.zeros(len(self.points.weight))
 
-    def _socket_displacement(self) -> FloatArray:
+    def socket_displacement(self) -> FloatArray:
         """Displacement of the chain's nodes from their places in the socket of its own size, mm."""
         swollen = self.swelling * (1.0 - self.load) * (self.chain.reference - self._centre)
-        return super()._socket_displacement() + swollen
+        return super().socket_displacement() + swollen
 
     def _set_size(self, swelling: float) -> None:
         """Move this rank's socket nodes to where they lie without stress."""
@@ -177,70 +188,36 @@ class ShrinkingContact(ContactInterface):
         position = self.deformed_points()
         at = self.chain.project(position, swelling * (self.chain.reference - self._centre))
         gap = np.sum((position - at.point) * at.normal, axis=1)
-        return float(self._comm.allreduce(gap.min(initial=np.inf), op=MPI.MIN))
-
-
-class ShrinkingModel(Model):
-    """A `Model` with `ShrinkingContact`.
-
-    Before it touches the limb, a floating socket is guided by a soft bedding, which fades out with
-    the load and is gone at the end.
-    """
-
-    interface = ShrinkingContact
-    contact: ShrinkingContact
-
-    def __init__(self, *args: Any, **keywords: Any) -> None:
-        super().__init__(*args, **keywords)
-        cells = self.section.cell_tags.find(self.section.regions[tags.SOCKET])
-        self.contact.swell(np.unique(self.section.mesh.geometry.dofmap[cells]))
-        self._guide = self.bedding.x.array - self._lasting.x.array
-
-    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
-        """Guide the socket, on top of what a frictionless one rests on."""
-        lasting = super().bedding_stiffness(frictionless)
-        self._lasting = self._by_region(lasting)
-        return {tags.SOCKET: GUIDE_STIFFNESS + lasting.get(tags.SOCKET, 0.0)}
-
-    def set_unknowns(self, x: PETSc.Vec) -> None:
-        """Copy a vector into `w`, ghosts included, and let the guide fade (collective)."""
-        super().set_unknowns(x)
-        self.bedding.x.array[:] = self._lasting.x.array + (1.0 - self.contact.load) * self._guide
+        return float(self.comm.allreduce(gap.min(initial=np.inf), op=MPI.MIN))
 
 
 DAMPING = 3e-5
-"""Drag of a `DampedModel`: force per volume and way of a step, N/mm^3 per mm; none at full load."""
+"""Drag on the stiffened path: force per volume and way of a step, N/mm^3 per mm; it fades out with
+the load. A limb whose fascia buckles may snap: there is no equilibrium near the last one then. With
+the drag there is, and the limb moves on over the next steps."""
+
+PATHS: dict[str, type[ContactInterface]] = {
+    "closed": ContactInterface,
+    "stiffened": StiffeningContact,
+    "shrunk": ShrinkingContact,
+}
 
 
-class DampedModel(Model):
-    """A `Model` with `StiffeningContact` whose points drag behind on dashpots from step to step.
+def path_problem(
+    path: str,
+    section: SectionMesh,
+    laws: Mapping[str, Law],
+    contact: Contact | None = None,
+    support: SocketSupport = "floating",
+) -> Problem:
+    """Make the problem of a limb in a socket that is put on by one of `PATHS`.
 
-    A limb whose fascia buckles may snap: there is no equilibrium near the last one then. With the
-    drag there is, and the limb moves on over the next steps. The drag fades out with the load.
+    The swollen socket is guided by an elastic foundation. The stiffening one drags on dashpots from
+    where its foundation was last at rest: `FoundationTerm.rest` after each step moves them on.
     """
-
-    interface = StiffeningContact
-
-    def __init__(self, *args: Any, **keywords: Any) -> None:
-        super().__init__(*args, **keywords)
-        self._drag = self.bedding.x.array - self._lasting.x.array
-        self._start = np.zeros_like(self.w.x.array)
-
-    def bedding_stiffness(self, frictionless: bool) -> dict[str, float]:
-        """Dashpots on everything, on top of what a frictionless socket rests on."""
-        lasting = super().bedding_stiffness(frictionless)
-        self._lasting = self._by_region(lasting)
-        return {name: DAMPING + lasting.get(name, 0.0) for name in self.section.regions}
-
-    def set_unknowns(self, x: PETSc.Vec) -> None:
-        """Copy a vector into `w`, ghosts included, and let the drag fade (collective)."""
-        super().set_unknowns(x)
-        drag = (1.0 - self.contact.load) * self._drag
-        self.bedding.x.array[:] = self._lasting.x.array + drag
-        # What lasts is at rest in the undeformed place, to which it counts at full load.
-        self.anchor.x.array[:] = self._start if self.contact.load < 1.0 else 0.0
-
-    def rest(self, x: PETSc.Vec) -> None:
-        """Let the dashpots start from here, after each step (collective)."""
-        super().set_unknowns(x)
-        self._start[:] = self.w.x.array
+    fading = {
+        "closed": {},
+        "stiffened": dict.fromkeys(section.regions, DAMPING),
+        "shrunk": {tags.SOCKET: GUIDE_STIFFNESS},
+    }
+    return limb_problem(section, laws, contact, support, PATHS[path], fading[path])

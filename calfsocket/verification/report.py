@@ -1,8 +1,8 @@
-"""What a verification problem tells: checks against exact values, tables and figures."""
+"""What a verification problem shows: checks against exact values, tables and figures."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -22,10 +22,10 @@ class Check:
         The number, in `unit`.
     bar : float
         What the number is held against, in `unit`.
-    unit : str
-        Unit; empty for a ratio.
     source : str
         Where the exact value comes from.
+    unit : str
+        Unit; empty for a ratio.
     rule : str
         "at most": an error, its magnitude is no larger than the bar; "at least": an order or a
         share, no smaller than the bar; "exactly": a count, equal to the bar.
@@ -34,8 +34,8 @@ class Check:
     name: str
     measured: float
     bar: float
-    unit: str
     source: str
+    unit: str = ""
     rule: Rule = "at most"
 
     @property
@@ -67,6 +67,41 @@ class Figure:
     name: str
     draw: Callable[[Axes], None]
     caption: str
+
+
+Curve = tuple[Any, Any, str, str | None]
+"""x, y, matplotlib's format, and the label; None for none."""
+
+
+def curves(
+    name: str, caption: str, labels: tuple[str, str], lines: Sequence[Curve], **settings: Any
+) -> Figure:
+    """Make a figure of curves.
+
+    Parameters
+    ----------
+    name, caption : str
+        As of `Figure`.
+    labels : (str, str)
+        Of the axes.
+    lines : sequence of Curve
+        The curves, in order.
+    **settings
+        More settings of the axes: xscale="log", xlim=(0, 1), ...
+    """
+
+    def draw(axes: Axes) -> None:
+        for at, values, style, label in lines:
+            axes.plot(at, values, style, label=label, lw=1.2, ms=4)
+        axes.set(xlabel=labels[0], ylabel=labels[1], **settings)
+        if any(label for *_, label in lines):
+            axes.legend(fontsize="small")
+
+    return Figure(name, draw, caption)
+
+
+LOG = {"xscale": "log", "yscale": "log"}
+"""Settings of a figure with logarithms on both axes."""
 
 
 @dataclass(frozen=True)

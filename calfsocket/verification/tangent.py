@@ -23,21 +23,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from dolfinx import fem
-from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact.friction import OPEN, SLIP, STICK
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky, Law
 from calfsocket.materials.tissues import FASCIA, MUSCLE, SKIN, VESSEL
-from calfsocket.mechanics.prescribed_motion import Drive, DrivenModel
-from calfsocket.mechanics.problem import Model
+from calfsocket.mechanics.prescribed_motion import PrescribedMotion
+from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.friction import TurnedRing
 from calfsocket.verification.newton import Probe, probe_at
-from calfsocket.verification.report import Check, Figure, Section, Table
+from calfsocket.verification.problems import held_socket
+from calfsocket.verification.report import LOG, Check, Curve, Section, Table, curves
 
 FloatArray = NDArray[np.float64]
 
@@ -89,28 +90,25 @@ KINDS = {
 }
 
 
-def ring(kind: Kind, h: float = 4.0) -> DrivenModel:
+def ring(kind: Kind, h: float = 4.0) -> PrescribedMotion:
     """Return the rings with their socket's outer face held, without the shrink fit's share."""
     inner = LAYERS[-1][2] - kind.overlap
     section = ring_mesh(
         MPI.COMM_SELF, [layer[:3] for layer in LAYERS], (inner, inner + THICKNESS), h
     )
     laws = {name: law for name, _, _, law in LAYERS} | {tags.SOCKET: SOCKET_LAW}
-    model = DrivenModel(section, laws, socket_support="outer-fixed")
-    model.contact.load = 1.0
-    return model
+    return held_socket(section, laws, Contact())
 
 
-def state(kind: Kind) -> tuple[DrivenModel, PETSc.Vec]:
+def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
     """Make a state that is no equilibrium: the rings with noise, their socket moved."""
-    model = ring(kind)
-    drive = Drive(model)
-    drive.move([tags.SOCKET], kind.turn, (kind.shift, 0.0))
-    x = drive.solver.x
+    motion = ring(kind)
+    motion.move([tags.SOCKET], kind.turn, (kind.shift, 0.0))
+    problem, x = motion.problem, motion.x
     x.array[:] += NOISE * np.random.default_rng(4).normal(size=x.getLocalSize())
-    x.array[model.held] = model.prescribed[model.held]
-    model.set_unknowns(x)
-    return model, x
+    x.array[problem.constrained] = problem.prescribed[problem.constrained]
+    problem.set_unknowns(x)
+    return problem, x
 
 
 # -- finite differences ---------------------------------------------------------------------------
@@ -136,33 +134,33 @@ class Difference:
 
 
 def difference(
-    model: Model, x: PETSc.Vec, direction: FloatArray, step: float = DIFFERENCE
+    problem: Problem, x: PETSc.Vec, direction: FloatArray, step: float = DIFFERENCE
 ) -> Difference:
     """Compare the tangent at x, times a direction, with a central difference of the residual."""
-    A, f = model.create_matrix(), x.duplicate()
+    A, f = problem.create_matrix(), x.duplicate()
     ends, status = [], []
     for sign in (1.0, -1.0):
         moved, end = x.copy(), x.duplicate()
         moved.array[:] += sign * step * direction
-        model.residual(moved, end)
+        problem.residual(moved, end)
         ends.append(end.array.copy())
-        status.append(model.contact.state().traction.status)
-    model.tangent(x, A)
+        status.append(problem.contact.state().traction.status)
+    problem.tangent(x, A)
     along = x.duplicate()
     along.array[:] = direction
     A.mult(along, f)
     exact = (ends[0] - ends[1]) / (2.0 * step)
     return Difference(
         error=float(np.linalg.norm(f.array - exact) / np.linalg.norm(exact)),
-        status=model.contact.state().traction.status,
+        status=problem.contact.state().traction.status,
         switched=int(np.count_nonzero(status[0] != status[1])),
     )
 
 
-def random_direction(model: Model, x: PETSc.Vec, seed: int = 5) -> FloatArray:
+def random_direction(problem: Problem, x: PETSc.Vec, seed: int = 5) -> FloatArray:
     """Return a direction of size 1, zero where unknowns are held."""
     direction = np.random.default_rng(seed).normal(size=x.getLocalSize())
-    direction[model.held] = 0.0
+    direction[problem.constrained] = 0.0
     return direction
 
 
@@ -171,7 +169,7 @@ def random_direction(model: Model, x: PETSc.Vec, seed: int = 5) -> FloatArray:
 CONTACT_PARAMETERS: dict[str, frozenset[str]] = {
     "gamma": frozenset({"stick", "slip", "mixed"}),
     "gamma_t": frozenset({"stick", "mixed"}),
-    "fric_coeff": frozenset({"slip", "mixed"}),
+    "friction": frozenset({"slip", "mixed"}),
     "load": frozenset({"stick", "slip", "mixed"}),
 }
 """States in which each parameter of contact counts."""
@@ -181,17 +179,17 @@ MOVE = 0.1
 
 
 @contextmanager
-def contact_moved(model: Model, parameter: str) -> Iterator[None]:
+def contact_moved(problem: Problem, parameter: str) -> Iterator[None]:
     """Move a parameter of contact by `MOVE`, for the body."""
-    contact = model.contact
-    before = contact.load, contact.parameters
+    contact = problem.contact
+    load, before = problem.load, contact.parameters
     if parameter == "load":
-        contact.load *= 1.0 - MOVE
+        problem.load *= 1.0 - MOVE
     else:
-        value = getattr(contact.parameters, parameter) * (1.0 + MOVE)
-        contact.parameters = replace(contact.parameters, **{parameter: value})
+        value = getattr(before, parameter) * (1.0 + MOVE)
+        contact.parameters = before.model_copy(update={parameter: value})
     yield
-    contact.load, contact.parameters = before
+    problem.load, contact.parameters = load, before
 
 
 @contextmanager
@@ -203,9 +201,9 @@ def law_moved(parameter: fem.Function) -> Iterator[None]:
     parameter.x.array[:] = before
 
 
-def law_parameters(model: Model) -> dict[str, fem.Function]:
+def law_parameters(problem: Problem) -> dict[str, fem.Function]:
     """Return the parameters of the laws, by name."""
-    return {parameter.name: parameter for parameter in model.fields.parameters}
+    return {parameter.name: parameter for parameter in problem.fields.parameters}
 
 
 Moves = dict[tuple[str, str], tuple[float, float, bool]]
@@ -214,15 +212,15 @@ Moves = dict[tuple[str, str], tuple[float, float, bool]]
 
 def moves_of(name: str) -> Moves:
     """Move each parameter of contact, and in the mixed state each of the laws, in a state."""
-    model, x = state(KINDS[name])
-    A, direction = model.create_matrix(), x.duplicate()
-    direction.array[:] = random_direction(model, x)
+    problem, x = state(KINDS[name])
+    A, direction = problem.create_matrix(), x.duplicate()
+    direction.array[:] = random_direction(problem, x)
 
     def both() -> tuple[PETSc.Vec, PETSc.Vec]:
         """Return the residual, and the tangent times a direction."""
         residual, along = x.duplicate(), x.duplicate()
-        model.residual(x, residual)
-        model.tangent(x, A)
+        problem.residual(x, residual)
+        problem.tangent(x, A)
         A.mult(direction, along)
         return residual, along
 
@@ -234,10 +232,10 @@ def moves_of(name: str) -> Moves:
 
     moves = {}
     for parameter, counts in CONTACT_PARAMETERS.items():
-        with contact_moved(model, parameter):
+        with contact_moved(problem, parameter):
             moves[parameter, name] = (*change(), name in counts)
     if name == "mixed":
-        for parameter, function in law_parameters(model).items():
+        for parameter, function in law_parameters(problem).items():
             with law_moved(function):
                 moves[parameter, name] = (*change(), True)
     return moves
@@ -275,18 +273,18 @@ def equilibrium_probe(name: str) -> tuple[Probe, set[int]]:
     probe, status
         The probe along the last change of the unknowns, and the contact statuses.
     """
-    fric_coeff, steps, _ = EQUILIBRIA[name]
-    ring = replace(RING, fric_coeff=fric_coeff)
-    drive = ring.drive(MPI.COMM_SELF)
-    model, x = drive.model, drive.solver.x
+    friction, steps, _ = EQUILIBRIA[name]
+    ring = replace(RING, friction=friction)
+    motion = ring.pressed(MPI.COMM_SELF)
+    problem, x = motion.problem, motion.x
     for turn, shift in steps:
         before = x.array.copy()
-        drive.step([tags.SOCKET], turn * ring.slip_turn, (shift, 0.0))
-    model.set_unknowns(x)
-    status = {int(number) for number in model.contact.state().traction.status}
+        motion.step([tags.SOCKET], turn * ring.slip_turn, (shift, 0.0))
+    problem.set_unknowns(x)
+    status = {int(number) for number in problem.contact.state().traction.status}
     direction = x.array_r - before
-    direction[model.held] = 0.0
-    return probe_at(model, x, direction), status
+    direction[problem.constrained] = 0.0
+    return probe_at(problem, x, direction), status
 
 
 # -- report ---------------------------------------------------------------------------------------
@@ -296,44 +294,26 @@ DIRECTIONS = 4
 
 def report() -> Section:
     """Compare with finite differences, move the parameters, measure the order."""
-    checks, probes = [], {}
+    checks = []
     for name, kind in KINDS.items():
-        model, x = state(kind)
-        found = [difference(model, x, random_direction(model, x, k)) for k in range(DIRECTIONS)]
-        checks.append(
-            Check(
-                f"{name}: tangent in {DIRECTIONS} directions",
-                max(d.error for d in found),
-                1e-6,
-                "",
-                "central differences of the residual",
-            )
-        )
+        problem, x = state(kind)
+        found = [
+            difference(problem, x, random_direction(problem, x, k)).error for k in range(DIRECTIONS)
+        ]
+        label = f"{name}: tangent in {DIRECTIONS} directions"
+        checks.append(Check(label, max(found), 1e-6, "central differences of the residual"))
     moves = parameter_moves()
-    checks.append(
-        Check(
-            "parameters that move residual and tangent where they should, and only there",
-            as_it_should(moves),
-            len(moves),
-            "",
-            "the law of contact",
-            "exactly",
-        )
-    )
-    for name in EQUILIBRIA:
-        probes[name], _ = equilibrium_probe(name)
-        checks.append(
-            Check(f"{name}: Newton's order", probes[name].order, 1.9, "", "2", "at least")
-        )
-
-    def plot(axes: Axes) -> None:
-        for name, probe in probes.items():
-            axes.loglog(probe.before, probe.after, "o-", label=name)
-        before, after = probes["mixed"].before, probes["mixed"].after
-        axes.loglog(before, 2.0 * after[0] * (before / before[0]) ** 2, "k--", label="slope 2")
-        axes.set(xlabel="|F| before the iteration, N/mm", ylabel="|F| after it, N/mm")
-        axes.legend()
-
+    label = "parameters that move residual and tangent where they should, and only there"
+    source = "the law of contact"
+    checks.append(Check(label, as_it_should(moves), len(moves), source, rule="exactly"))
+    probes = {name: equilibrium_probe(name)[0] for name in EQUILIBRIA}
+    checks += [
+        Check(f"{name}: Newton's order", probe.order, 1.9, "2", rule="at least")
+        for name, probe in probes.items()
+    ]
+    lines: list[Curve] = [(probe.before, probe.after, "o-", name) for name, probe in probes.items()]
+    before, after = probes["mixed"].before, probes["mixed"].after
+    lines.append((before, 2.0 * after[0] * (before / before[0]) ** 2, "k--", "slope 2"))
     frame = [
         {"parameter": parameter, "state": name, "residual": f, "tangent": A, "should": should}
         for (parameter, name), (f, A, should) in moves.items()
@@ -342,7 +322,15 @@ def report() -> Section:
         "The tangent",
         __doc__ or "",
         checks,
-        [Figure("newton_order", plot, "One iteration from three distances of an equilibrium.")],
+        [
+            curves(
+                "newton_order",
+                "One iteration from three distances of an equilibrium.",
+                ("|F| before the iteration, N/mm", "|F| after it, N/mm"),
+                lines,
+                **LOG,
+            )
+        ],
         [
             Table(
                 f"Relative change when a parameter grows by {MOVE:.0%}; in the states where it "

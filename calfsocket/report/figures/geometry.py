@@ -12,24 +12,18 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calfsocket.plotting import section as drawing
-from calfsocket.postprocess.fields import SectionFields
-from calfsocket.report.figures.panels import (
-    LARGEST_PANEL_MM,
-    abreast,
-    tell_hidden,
-    title_mm,
-    window_around,
-)
-from calfsocket.report.figures.style import (
+from calfsocket.plotting.style import (
     WIDTH_MM,
     add_axes,
     compass,
     height_mm,
     legend_at,
     new_figure,
-    socket_title,
+    panels,
+    window_around,
 )
-from calfsocket.report.results import Results
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.simulation.results import Results
 
 LIMB = "#d9d9d9"
 BONE_DARK = "#8c8c8c"
@@ -41,7 +35,7 @@ ROOM_FOR_NUMBER_MM = 2.2  # radius that a number of two digits needs
 
 def regions(results: Results) -> Figure:
     """Draw the unloaded limb, its tissues in colour, with a number and a name for every region."""
-    fields = results.fields(*results.cases[0])
+    fields = next(iter(results.values())).fields
     limb = drawing.cells_of(fields, *drawing.SOFT_TISSUES, "bone")
     points = fields.points
     window = window_around(points[np.unique(fields.cells[limb])], margin_mm=1.0)
@@ -134,30 +128,17 @@ def _draw_names(figure: Figure, fields: SectionFields, ids: list[int], left: flo
 
 def overlays(results: Results) -> Figure:
     """Draw the limb and each socket before contact, and where they overlap."""
-    section = {socket: results.fields(socket, name) for socket, name in reversed(results.cases)}
+    section = {socket: results[socket, name].fields for socket, name in reversed(list(results))}
     window = window_around(*(fields.points for fields in section.values()), margin_mm=1.0)
-    blocks = abreast(results.sockets)
-    width = min(WIDTH_MM / max(map(len, blocks)), LARGEST_PANEL_MM)
-    height = width * (window[3] - window[2]) / (window[1] - window[0])
-    below, key = 4.0, 18.0
-    total = sum(map(title_mm, blocks)) + len(blocks) * (height + below) + key
-    figure = new_figure(total)
-    bottom = total
-    for block in blocks:
-        bottom -= title_mm(block) + height
-        for j, socket in enumerate(block):
-            axes = add_axes(figure, j * width, bottom, width, height)
-            drawing.frame(axes, window)
-            axes.set_title(socket_title(socket), pad=3)
-            lost = _draw_overlay(axes, section[socket])
-            axes.text(
-                0.5, -0.01, f"encloses {lost:.2f} % less area", transform=axes.transAxes,
-                ha="center", va="top", fontsize=7,
-            )  # fmt: skip
-            if j == 0 and block is blocks[-1]:
-                drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
-        bottom -= below
-    tell_hidden(figure, results)
+
+    def draw(axes: Axes, socket: str, _: int) -> None:
+        lost = _draw_overlay(axes, section[socket])
+        axes.text(
+            0.5, -0.01, f"encloses {lost:.2f} % less area", transform=axes.transAxes,
+            ha="center", va="top", fontsize=7,
+        )  # fmt: skip
+
+    figure = panels(results.sockets, [""], window, draw, key=18.0, below=4.0)
     areas = [
         Patch(color=LIMB, label="limb"),
         Patch(color=BONE_DARK, label="bone"),
@@ -165,7 +146,6 @@ def overlays(results: Results) -> Figure:
         Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"),
     ]
     legend_at(figure, 3.0, 6.0, areas)
-    compass(figure)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Figures 4 and 7: a field over the deformed section, material sets by sockets."""
+"""Effective stress and shear strain over the deformed section, material sets by sockets."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,11 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from calfsocket.plotting import section as drawing
+from calfsocket.plotting.style import add_axes, legend_at, window_around
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
-from calfsocket.report.figures.panels import case_panels, window_around
-from calfsocket.report.figures.style import add_axes, legend_at
-from calfsocket.report.results import Results, of_case
+from calfsocket.report.figures.cases import case_panels
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Results
 
 PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
 MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}
@@ -28,7 +29,7 @@ MARKER: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markere
 class Map:
     """A field, its limits, and its colours below, within and above them."""
 
-    outcome: str
+    quantity: str
     label: str
     low: float
     high: float
@@ -48,17 +49,17 @@ class Map:
 
 
 EFFECTIVE_STRESS = Map(
-    outcome="effective_stress",
+    quantity="effective_stress",
     label="effective (Mises) stress, kPa",
     low=0.0,
-    high=10.0,  # kPa, as the paper's figure 4
+    high=10.0,
     colours=drawing.STRESS_COLOURS,
     beyond=drawing.ABOVE,
 )
 SHEAR_STRAIN = Map(
-    outcome="shear_log_strain",
+    quantity="shear_log_strain",
     label="logarithmic shear strain LE12, %",
-    low=-50.0,  # %, as the paper's figure 7: the level of the damage risk volume
+    low=-50.0,  # the level of the damage risk volume
     high=50.0,
     colours="RdBu_r",
     beyond="#ffd400",
@@ -67,15 +68,15 @@ SHEAR_STRAIN = Map(
 
 def draw_map(results: Results, what: Map) -> Figure:
     """Draw the field of every case on one scale, with the site of each tissue's maximum."""
-    sections = [drawing.deformed(results.fields(*key)) for key in results.cases]
+    sections = [drawing.deformed(result.fields) for result in results.values()]
     window = window_around(*sections, margin_mm=2.0)
 
-    def draw(axes: Axes, key: tuple[str, str]) -> None:
-        case = results.case(*key)
-        fields, points = case.fields, drawing.deformed(case.fields)
+    def draw(axes: Axes, result: Result) -> None:
+        fields, points = result.fields, drawing.deformed(result.fields)
         soft = drawing.cells_of(fields, *drawing.SOFT_TISSUES)
+        values = result.quantities.nodal[what.quantity]
         axes.imshow(
-            drawing.field_image(fields, case.outcomes.nodal[what.outcome], soft, window, PIXELS),
+            drawing.field_image(fields, values, soft, window, PIXELS),
             extent=window,
             origin="lower",
             cmap=what.shades,
@@ -86,10 +87,11 @@ def draw_map(results: Results, what: Map) -> Figure:
         drawing.draw_tissue(axes, fields, points, "bone", facecolor=drawing.BONE)
         drawing.draw_tissue(axes, fields, points, "socket", facecolor=drawing.SOCKET)
         drawing.draw_outlines(axes, fields, points, linewidth=0.25, zorder=3)
-        summary = of_case(results.summary, key)
-        for row in summary[summary.outcome == what.outcome].itertuples():
-            site = deformed_site(fields, row.x_mm, row.y_mm)
-            axes.plot(*site, MARKERS[row.tissue], **MARKER, markersize=3.2, zorder=5)
+        for tissue in SUMMARY_TISSUES:
+            level = result.quantities.maximum(tissue, what.quantity)
+            if level.region:
+                site = deformed_site(fields, level.x_mm, level.y_mm)
+                axes.plot(*site, MARKERS[tissue], **MARKER, markersize=3.2, zorder=5)
 
     figure = case_panels(results, window, draw)
     _draw_key(figure, what)

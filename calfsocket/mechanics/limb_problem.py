@@ -1,0 +1,65 @@
+"""The limb in its socket as a problem: what is held, what touches, and what the socket rests on."""
+
+from collections.abc import Callable, Mapping
+from typing import Literal, get_args
+
+from calfsocket.contact.interface import ContactInterface, ContactPair
+from calfsocket.contact.parameters import Contact
+from calfsocket.materials.laws import Law
+from calfsocket.mechanics.constraints import Constraint
+from calfsocket.mechanics.foundation import Foundation
+from calfsocket.mechanics.problem import Problem
+from calfsocket.meshes import tags
+from calfsocket.meshes.distributed import SectionMesh
+
+SocketSupport = Literal["floating", "outer-fixed"]
+SUPPORTS: tuple[SocketSupport, ...] = get_args(SocketSupport)
+
+SUPPORT_STIFFNESS = 1e-7
+"""Foundation of a floating socket in N/mm^3, only where no friction stops it from turning."""
+
+
+def limb_problem(
+    section: SectionMesh,
+    laws: Mapping[str, Law],
+    contact: Contact | None = None,
+    support: SocketSupport = "floating",
+    interface: Callable[..., ContactInterface] = ContactInterface,
+    fading: Mapping[str, float] | None = None,
+) -> Problem:
+    """Make the problem of a limb in a socket (collective).
+
+    The limb is constrained at the tibia's medullary boundary. Sides of a piece of tissue, where the
+    mesh has them, do not move in x.
+
+    Parameters
+    ----------
+    section : SectionMesh
+        Limb and socket.
+    laws : mapping of region name to law
+        The law of each region, "socket" among them.
+    contact : Contact, optional
+        Friction and Nitsche stiffness; the paper's unless given.
+    support : {"floating", "outer-fixed"}
+        Whether the socket rests on the limb alone, or is constrained at its outer face.
+    interface : callable
+        Makes the contact interface: how the overclosure is released; `ContactInterface` closes the
+        gaps in proportion.
+    fading : mapping of region name to float, optional
+        Stiffness of an elastic foundation that fades out with the load, N/mm^3.
+    """
+    contact = contact or Contact()
+    constraints = [Constraint(tags.TIBIA_MEDULLARY)]
+    if support == "outer-fixed":
+        constraints.append(Constraint(tags.SOCKET_OUTER))
+    if tags.SIDES in section.boundaries:
+        constraints.append(Constraint(tags.SIDES, (0,)))
+    free_to_turn = support == "floating" and contact.friction == 0.0
+    lasting = {tags.SOCKET: SUPPORT_STIFFNESS} if free_to_turn else {}
+    return Problem(
+        section,
+        laws,
+        constraints,
+        contact=ContactPair(tags.SKIN_SURFACE, tags.SOCKET_INNER, contact, interface),
+        foundation=Foundation(lasting, fading or {}) if lasting or fading else None,
+    )

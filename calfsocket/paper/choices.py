@@ -1,0 +1,59 @@
+"""What the paper leaves open: which of its claims change their verdict with a variant."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from calfsocket.paper.evidence import CASES, Evidence
+from calfsocket.paper.scoreboard import FAILS, HOLDS, UNCHECKED, counts, scoreboard
+from calfsocket.report.findings import Findings
+from calfsocket.report.table import TIMES, Table
+from calfsocket.report.variants import BASE, variants
+
+MARKS = {HOLDS: "\N{CHECK MARK}", FAILS: TIMES, UNCHECKED: "?"}
+
+
+def claims(boards: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Verdict on each claim under each variant; `same` says whether all agree."""
+    board = boards[BASE][["id", "kind", "judges", "claim"]]
+    verdicts = pd.DataFrame({name: each.verdict for name, each in boards.items()})
+    return board.join(verdicts).assign(same=verdicts.nunique(axis=1) == 1)
+
+
+def tables(findings: Findings) -> list[Table]:
+    """Make the tables of verdicts by variant; none for a study without variants."""
+    of = variants(findings.study)
+    boards = {
+        name: scoreboard(Evidence(Findings(results.only(CASES), findings.thresholds)))
+        for name, results in of.items()
+    }
+    return [_counts(boards), _claims(claims(boards))] if boards else []
+
+
+def _counts(boards: Mapping[str, pd.DataFrame]) -> Table:
+    data = pd.DataFrame([{"variant": name, **counts(board)} for name, board in boards.items()])
+    return Table(
+        "verdicts_by_variant",
+        "Claims on results under each choice",
+        "One choice is changed at a time, so that a difference from the base has one cause; all "
+        "combinations would be 16 studies and tell little more. The one combination is that where "
+        "both choices act on peaks.",
+        data,
+        data.set_index("variant").map(str),
+    )
+
+
+def _claims(data: pd.DataFrame) -> Table:
+    verdicts = [
+        name for name in data.columns if name not in ("id", "kind", "judges", "claim", "same")
+    ]
+    shown = data[~data.same].set_index("id")[["claim", *verdicts]]
+    return Table(
+        "claims_by_variant",
+        "Claims whose verdict depends on a choice",
+        f"{MARKS[HOLDS]} holds, {MARKS[FAILS]} does not hold, {MARKS[UNCHECKED]} cannot be "
+        f"checked. The other {int(data.same.sum())} of {len(data)} claims have the same verdict "
+        "under every choice; the CSV file has them all.",
+        data,
+        shown.replace(dict.fromkeys(verdicts, MARKS)),
+    )

@@ -1,0 +1,167 @@
+"""What claims are checked against: the inputs of the study, its runs, and the paper's numbers."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+
+from calfsocket.io.errors import InputError
+from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.socket import AnySocket, reference_sockets
+from calfsocket.paper import comparison
+from calfsocket.paper.calibration import Calibration, read_calibration
+from calfsocket.report import inputs
+from calfsocket.report.changes import SETS, complete_sockets
+from calfsocket.report.damage import DamageThresholds
+from calfsocket.report.findings import Findings
+from calfsocket.report.names import material_set
+from calfsocket.simulation.record import StudyRecord
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Results
+
+SOCKETS = ("TC", "TSB", "HS")
+CASES = tuple((socket, name) for socket in SOCKETS for name in SETS)
+"""The paper's six cases."""
+
+SOFT_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
+STRESSES = ("effective_stress", "shear_stress")
+STRAINS = ("amp_log_strain", "shear_log_strain")
+
+
+class NotChecked(Exception):
+    """A claim cannot be checked; the text says what is missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A study's inputs and results, and what is computed from them for more than one claim.
+
+    Attributes
+    ----------
+    findings : Findings
+        Of the paper's cases alone.
+    """
+
+    findings: Findings
+
+    @property
+    def results(self) -> Results:
+        """The paper's cases that are solved."""
+        return self.findings.results
+
+    @property
+    def thresholds(self) -> DamageThresholds:
+        """Damage thresholds that were asked for."""
+        return self.findings.thresholds
+
+    @property
+    def changes(self) -> pd.DataFrame:
+        """Relative changes from the Separate to the Combined set."""
+        return self.findings.changes
+
+    @cached_property
+    def settings(self) -> dict[str, Any]:
+        """Settings of the study, by their last name."""
+        return inputs.settings(self.results)
+
+    @property
+    def laws(self) -> inputs.Laws:
+        """Material set -> tissue -> law and parameters (MPa)."""
+        return inputs.laws(self.results)
+
+    @cached_property
+    def limb(self) -> Limb:
+        """The limb as meshed."""
+        return self.run.limb
+
+    @property
+    def run(self) -> StudyRecord:
+        """The study's inputs; refuse the check where results were saved without a study."""
+        if self.results.run is None:
+            raise NotChecked("needs the run.json of a study")
+        return self.results.run
+
+    @cached_property
+    def sockets(self) -> dict[str, AnySocket]:
+        """The paper's sockets as meshed."""
+        every = reference_sockets() | self.run.sockets
+        return {name: every[name] for name in SOCKETS}
+
+    @cached_property
+    def skin(self) -> ClosedCurve:
+        """Undeformed outline of the limb."""
+        return limb_curves(self.limb)[self.limb.contact_boundary]
+
+    @cached_property
+    def inner_faces(self) -> dict[str, ClosedCurve]:
+        """Undeformed inner face of each socket."""
+        return {name: socket.faces(self.skin)[0] for name, socket in self.sockets.items()}
+
+    @cached_property
+    def area_lost(self) -> dict[str, float]:
+        """Share of the limb's area that each socket takes."""
+        return {name: 1 - face.area / self.skin.area for name, face in self.inner_faces.items()}
+
+    @cached_property
+    def maxima(self) -> pd.DataFrame:
+        """`comparison.maxima` of the study."""
+        return comparison.maxima(self.findings)
+
+    @cached_property
+    def compared_changes(self) -> pd.DataFrame:
+        """`comparison.changes` of the study."""
+        return comparison.changes(self.findings)
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """The calibration in the study's folder.
+
+        Raises
+        ------
+        InputError
+            When there is none (`NoCalibration`), or it cannot be used.
+        """
+        return read_calibration(self.results.folder)
+
+    def checked_calibration(self) -> Calibration:
+        """Return the calibration; refuse the check without one."""
+        try:
+            return self.calibration
+        except InputError as reason:
+            raise NotChecked(str(reason)) from None
+
+    def any_case(self) -> Result:
+        """Return the first case solved: for what is the same in all."""
+        return next(iter(self.results.values()))
+
+    def need(self, keys: Iterable[tuple[str, str]] = CASES) -> None:
+        """Refuse the check when one of some cases is missing."""
+        for socket, name in keys:
+            if (socket, name) not in self.results:
+                raise NotChecked(f"needs {socket} {material_set(name)}, which is not solved here")
+
+    def need_sets(self) -> tuple[str, ...]:
+        """Return the sockets with both sets; refuse the check when there is none."""
+        complete = complete_sockets(self.results)
+        if not complete:
+            raise NotChecked("needs both material sets of a socket")
+        return complete
+
+    def value(self, socket: str, material_set: str, tissue: str, quantity: str) -> float:
+        """Value of the summary; refuse the check when the case is missing."""
+        self.need([(socket, material_set)])
+        return self.results.value(socket, material_set, tissue, quantity)
+
+    def row(self, socket: str, material_set: str, tissue: str, quantity: str) -> pd.Series:
+        """Row of the summary; refuse the check when the case is missing."""
+        self.need([(socket, material_set)])
+        rows = self.results.summary
+        return rows[
+            (rows.socket == socket)
+            & (rows.material_set == material_set)
+            & (rows.tissue == tissue)
+            & (rows["quantity"] == quantity)
+        ].iloc[0]

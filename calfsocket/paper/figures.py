@@ -1,0 +1,220 @@
+"""Figures 5, 6 and 8: what merging fascia and muscle changes, beside the paper's numbers."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MultipleLocator, NullLocator
+
+from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
+from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure, socket_title
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+from calfsocket.report import chapters, names
+
+# After Okabe and Ito: told apart by colour-blind eyes, and in print by their lightness.
+SOCKET_COLOURS = {"TC": "#e69f00", "TSB": "#56b4e9", "HS": "#1b4f72"}
+
+SHORT = {
+    "effective_stress": "effective",
+    "shear_stress": "shear",
+    "amp_log_strain": "AMP",
+    "shear_log_strain": "shear",
+    "max_separate": "S",
+    "max_combined": "C",
+}
+
+LINEAR_TO_PCT = 100.0  # logarithmic beyond, where all of the range is shown
+LIMITED_PCT = 250.0
+PAPER: dict[str, Any] = {"marker": "D", "markerfacecolor": "white", "markeredgecolor": "black"}
+
+
+EQUATION_3 = (
+    "(Combined \N{MINUS SIGN} Separate) / |Separate| of signed values, equation (3) of the paper"
+)
+SITES = (
+    "Sites of maxima: S where Separate has it, C where Combined "
+    "has it; both sets are compared there."
+)
+
+
+def figures(evidence: Evidence) -> dict[str, chapters.Figure]:
+    """Return the figures by number, not yet drawn; none where no socket has both sets."""
+    table = evidence.compared_changes
+    if table.empty:
+        return {}
+    made = (
+        chapters.Figure(
+            "changes_of_maxima",
+            "Relative change of the maxima",
+            f"{EQUATION_3}; each set's own maximum, wherever it lies. A positive change of a "
+            "negative value is a smaller magnitude: the next figure shows magnitudes.",
+            lambda: of_maxima(table),
+            "5",
+        ),
+        chapters.Figure(
+            "changes_of_magnitude",
+            "Change of the maxima's magnitude",
+            "(|Combined| \N{MINUS SIGN} |Separate|) / |Separate|, not equation (3): above 0 the "
+            "Combined set has the larger stress or strain, whatever its sign. The paper's numbers "
+            "follow from its Tables 2 and 4.",
+            lambda: of_magnitudes(table),
+            "5b",
+        ),
+        chapters.Figure(
+            "stress_at_sites",
+            "Relative change of stresses at the sites of maxima",
+            f"{EQUATION_3}. {SITES} Upper row: full range, logarithmic beyond 100 %. "
+            "Changes of thousands of percent have a reference near 0.",
+            lambda: at_sites(table, STRESSES),
+            "6",
+        ),
+        chapters.Figure(
+            "strain_at_sites",
+            "Relative change of strains at the sites of maxima",
+            f"{EQUATION_3}. {SITES} Upper row: full range, logarithmic beyond 100 %.",
+            lambda: at_sites(table, STRAINS),
+            "8",
+        ),
+    )
+    return {figure.number: figure for figure in made}
+
+
+def of_maxima(table: pd.DataFrame) -> Figure:
+    """Draw the relative change of the maxima by equation (3), as the paper's figure 5."""
+    return _maxima(table, ("ours", "paper"), "relative change, eq. (3), %")
+
+
+def of_magnitudes(table: pd.DataFrame) -> Figure:
+    """Draw the change of the maxima's magnitude, which equation (3) does not tell."""
+    return _maxima(table, ("ours_magnitude", "paper_magnitude"), "change of magnitude, %")
+
+
+def _maxima(table: pd.DataFrame, columns: tuple[str, str], label: str) -> Figure:
+    table = table[table.site == "max_both"]
+    sockets = list(table.socket.unique())
+    figure = new_figure(130.0)
+    for bottom, quantities, title in ((79.0, STRESSES, "stresses"), (18.0, STRAINS, "strains")):
+        axes = add_axes(figure, 14.0, bottom, WIDTH_MM - 16.0, 45.0)
+        _bars(axes, table, "quantity", quantities, columns, sockets)
+        axes.set_title(f"Largest {title}")
+        axes.set_ylabel(label)
+    legend_at(figure, 14.0, 3.0, _key(sockets))
+    return figure
+
+
+def at_sites(table: pd.DataFrame, quantities: Sequence[str]) -> Figure:
+    """Draw the relative change at both sets' sites, as the paper's figures 6 and 8."""
+    sockets = list(table.socket.unique())
+    figure = new_figure(136.0)
+    width = (WIDTH_MM - 2.0) / 2 - 15.0
+    for j, quantity in enumerate(quantities):
+        of_quantity = table[table.quantity == quantity]
+        for bottom, limited in ((84.0, False), (23.0, True)):
+            axes = add_axes(figure, 15.0 + j * (width + 15.0), bottom, width, 46.0)
+            _bars(
+                axes, of_quantity, "site", ("max_separate", "max_combined"),
+                ("ours", "paper"), sockets,
+            )  # fmt: skip
+            if limited:
+                axes.set_ylim(-LIMITED_PCT, LIMITED_PCT)
+                axes.yaxis.set_major_locator(MultipleLocator(100))
+                axes.set_title(f"{names.QUANTITIES[quantity]}, within ±{LIMITED_PCT:g} %")
+            else:
+                _logarithmic(axes)
+                axes.set_title(f"{names.QUANTITIES[quantity]}, full range")
+            if j == 0:
+                axes.set_ylabel("relative change, eq. (3), %", labelpad=2)
+    sites = [
+        Line2D([], [], linestyle="", label=f"{SHORT[site]}: {names.SITES[site]}")
+        for site in ("max_separate", "max_combined")
+    ]
+    legend_at(figure, 15.0, 7.0, _key(sockets))
+    legend_at(figure, 9.0, 2.0, sites)
+    return figure
+
+
+def _logarithmic(axes: Axes) -> None:
+    """Linear to 100 %, logarithmic beyond: references near 0 make changes of many powers of ten."""
+    axes.set_yscale("symlog", linthresh=LINEAR_TO_PCT, linscale=0.6)
+    axes.autoscale_view()
+    low, high = axes.get_ylim()
+    powers = range(2, int(np.log10(max(-low, high, 1000))) + 1)
+    ticks = [0.0, *(sign * 10.0**k for k in powers for sign in (-1, 1))]
+    axes.set_yticks([tick for tick in ticks if low <= tick <= high], minor=False)
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(_power))
+
+
+def _power(value: float, _: object = None) -> str:
+    if abs(value) < 1e4:
+        return f"{value:+g}".replace("-", "\N{MINUS SIGN}") if value else "0"
+    sign = "\N{MINUS SIGN}" if value < 0 else "+"
+    return rf"{sign}10$^{{{round(np.log10(abs(value)))}}}$"
+
+
+def _bars(
+    axes: Axes,
+    table: pd.DataFrame,
+    inner: str,
+    inners: Sequence[str],
+    columns: tuple[str, str],
+    sockets: Sequence[str],
+) -> None:
+    """Draw clusters of bars: tissues, within them `inners`, within them sockets.
+
+    `columns` are ours, as bars, and the paper's, as marks.
+    """
+    at = table.set_index(["tissue", inner, "socket"])
+    breadth = len(inners) + 0.45
+    width = 0.84 / len(sockets)
+    ticks, labels = [], []
+    tissues = [tissue for tissue in SUMMARY_TISSUES if tissue in set(table.tissue)]
+    for i, tissue in enumerate(tissues):
+        left = i * breadth
+        if i % 2 == 0:
+            axes.axvspan(left - 0.225, left + breadth - 0.225, color="#f2f2f2", zorder=0, lw=0)
+        for k, name in enumerate(inners):
+            ticks.append(left + k + 0.5)
+            labels.append(SHORT[name])
+            for s, socket in enumerate(sockets):
+                if (tissue, name, socket) not in at.index:
+                    continue
+                row = at.loc[(tissue, name, socket)]
+                x = left + k + 0.08 + (s + 0.5) * width
+                axes.bar(
+                    x,
+                    row[columns[0]],
+                    width,
+                    color=SOCKET_COLOURS[socket],
+                    zorder=2,
+                )
+                axes.plot(
+                    x, row[columns[1]], **PAPER, markersize=2.6, markeredgewidth=0.6,
+                    zorder=3,
+                )  # fmt: skip
+        axes.text(
+            left + 0.5 * len(inners), -0.11, names.TISSUES[tissue],
+            transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=7.5,
+        )  # fmt: skip
+    axes.axhline(0, color="black", linewidth=0.6, zorder=2.5)
+    axes.set_xticks(ticks, labels)
+    axes.tick_params(axis="x", length=0)
+    axes.set_xlim(-0.225, len(tissues) * breadth - 0.225)
+    axes.grid(axis="y", color="#d0d0d0", linewidth=0.4, zorder=1)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _key(sockets: Sequence[str]) -> list[Artist]:
+    bars: list[Artist] = [
+        Patch(color=SOCKET_COLOURS[socket], label=socket_title(socket)) for socket in sockets
+    ]
+    paper = Line2D([], [], linestyle="", **PAPER, markersize=3.2, markeredgewidth=0.6,
+                   label="the paper's number")  # fmt: skip
+    return [*bars, paper]

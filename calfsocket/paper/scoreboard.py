@@ -1,0 +1,94 @@
+"""The scoreboard: every checkable claim of the paper with a verdict, computed from a study.
+
+A claim holds, does not hold, or cannot be checked with what was solved; never is a verdict written
+by hand. Claims on results are counted apart from those that only restate an input of the study, and
+from those that compare the paper with itself: these hold by construction.
+"""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from calfsocket.paper import published
+from calfsocket.paper.claims import found, given  # noqa: F401  (they register their facts)
+from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, holds
+from calfsocket.paper.evidence import Evidence, NotChecked
+from calfsocket.report.table import Table, listed
+
+HOLDS, FAILS, UNCHECKED = "holds", "does not hold", "cannot be checked"
+VERDICTS = (HOLDS, FAILS, UNCHECKED)
+PLURAL = {HOLDS: "hold", FAILS: "do not hold", UNCHECKED: "cannot be checked"}
+"""What claims of a verdict do."""
+
+KINDS = {
+    RESULT: "claims on results",
+    INPUT: "claims that only restate an input",
+    PAPER: "claims that the paper's own numbers decide",
+}
+"""What a claim may judge, in words."""
+
+
+def scoreboard(evidence: Evidence) -> pd.DataFrame:
+    """Check every claim; those that need cases which are not solved cannot be checked.
+
+    Returns
+    -------
+    DataFrame
+        One row a claim, in the order of the text: id, section, line, kind, claim, judges ("result",
+        "input" or "paper"), given (why it holds by construction), verdict, ours, paper (numbers in
+        words), why (one line, where it does not hold or cannot be checked), own_tables (whether the
+        paper's own tables agree with its text) and note (on that).
+    """
+    board = published.claims().join(published.checks()[["judges", "given"]], on="id")
+    checked = pd.DataFrame([check(identifier, evidence) for identifier in board.id])
+    board = pd.concat([board, checked], axis=1)
+    last = ["own_tables", "note"]
+    return board[[*(name for name in board if name not in last), *last]]
+
+
+def check(identifier: str, evidence: Evidence) -> dict[str, str]:
+    """Return verdict, ours, paper and why of a claim."""
+    about = published.checks().loc[identifier]
+    try:
+        fact = FACTS[about.fact](evidence, about.of)
+    except NotChecked as reason:
+        return {"verdict": UNCHECKED, "ours": "", "paper": "", "why": str(reason)}
+    agrees = holds(about.rule, fact.value, about.expected)
+    why = "" if agrees else fact.why or about.why or "ours differs from the paper's"
+    verdict = HOLDS if agrees else FAILS
+    return {"verdict": verdict, "ours": fact.text, "paper": about.paper, "why": why}
+
+
+def counts(board: pd.DataFrame, judges: str = RESULT) -> dict[str, int]:
+    """Return the number of claims of each verdict, of those that judge results, say."""
+    verdicts = board.verdict[board.judges == judges]
+    return {verdict: int((verdicts == verdict).sum()) for verdict in VERDICTS}
+
+
+def tally(counted: Mapping[str, int]) -> str:
+    """Return counts in words, without those that are 0."""
+    return listed(f"{n} {PLURAL[verdict]}" for verdict, n in counted.items() if n)
+
+
+def summary(board: pd.DataFrame) -> str:
+    """Return the counts of all kinds of claims in words, those on results first."""
+    parts = []
+    for judges, what in KINDS.items():
+        counted = counts(board, judges)
+        parts.append(f"{sum(counted.values())} {what} ({tally(counted)})")
+    return f"Of the paper's {len(board)} claims there are {listed(parts)}"
+
+
+def table(board: pd.DataFrame) -> Table:
+    """Return the scoreboard as a table of the report."""
+    contradicted = board.own_tables.str.startswith("NO")
+    paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
+    shown = board.assign(paper=paper).set_index("id")
+    return Table(
+        "scoreboard",
+        "Scoreboard",
+        f"{summary(board)}. Computed from this study's inputs and results; what counts as "
+        "agreement is the same for all claims of a kind.",
+        board,
+        shown[["claim", "judges", "verdict", "ours", "paper", "why"]],
+    )

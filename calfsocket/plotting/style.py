@@ -1,0 +1,187 @@
+"""The look of the figures: width, type, colours, legends; panels side by side; files."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from calfsocket.io.files import replacing
+from calfsocket.plotting import section as drawing
+from calfsocket.plotting.section import SOCKET_NAMES
+
+WIDTH_MM = 180.0  # a page of A4 or letter without its margins
+PNG_DPI = 300
+INCH_MM = 25.4
+
+TYPE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 7.5,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 7.5,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "legend.fontsize": 7,
+    "figure.titlesize": 9.5,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "hatch.linewidth": 0.6,
+    "pdf.fonttype": 42,  # text stays text
+}
+
+# Of panels, mm.
+TOP_MM, LINE_MM = 6.0, 3.4  # room for a title, and for each further line of it
+MOST_ABREAST, MOST_SHOWN = 4, 12  # panels in a row, and in a figure
+LARGEST_PANEL_MM = 90.0
+
+
+def type_set() -> AbstractContextManager[None]:
+    """Return a context in which drawings have this type."""
+    return matplotlib.rc_context(TYPE)  # type: ignore[arg-type]
+
+
+def new_figure(height: float) -> Figure:
+    """Make a figure of the full width and a height in mm."""
+    return Figure(figsize=(WIDTH_MM / INCH_MM, height / INCH_MM))
+
+
+def socket_title(socket: str) -> str:
+    """Return a socket's name, with its kind or, on lines below, with what is changed in it."""
+    if socket in SOCKET_NAMES:
+        return f"{socket}, {SOCKET_NAMES[socket]}"
+    return socket.replace("@", "\n").replace(",", "\n")
+
+
+def height_mm(figure: Figure) -> float:
+    """Height of a figure, mm."""
+    return float(figure.get_figheight() * INCH_MM)
+
+
+def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Add axes at a place in mm of paper."""
+    total = height_mm(figure)
+    return figure.add_axes((left / WIDTH_MM, bottom / total, width / WIDTH_MM, height / total))
+
+
+def compass(figure: Figure) -> None:
+    """Draw the directions of all sections (a right leg) at the figure's lower right, once."""
+    width, height = 26.0, 15.0
+    axes = add_axes(figure, WIDTH_MM - width - 1, 1.0, width, height)
+    drawing.frame(axes, (-width / 2, width / 2, -height / 2, height / 2))
+    for text, x, y, ha, va in (
+        ("anterior", 0, 1, "center", "bottom"),
+        ("posterior", 0, -1, "center", "top"),
+        ("medial", -1, 0, "right", "center"),
+        ("lateral", 1, 0, "left", "center"),
+    ):
+        axes.plot([0, 3.6 * x], [0, 3.6 * y], color=drawing.QUIET, linewidth=0.7)
+        axes.text(4.2 * x, 4.2 * y, text, ha=ha, va=va, fontsize=6.5, color=drawing.QUIET)
+
+
+def legend_at(
+    figure: Figure, left: float, bottom: float, handles: Sequence[Artist], title: str | None = None
+) -> None:
+    """Draw a legend in one line at a place in mm of paper."""
+    figure.legend(
+        handles=list(handles),
+        title=title,
+        title_fontsize=7,
+        alignment="left",
+        ncols=len(handles),
+        loc="lower left",
+        bbox_to_anchor=(left / WIDTH_MM, bottom / height_mm(figure)),
+        frameon=False,
+        borderaxespad=0,
+        handlelength=1.6,
+        handletextpad=0.5,
+        columnspacing=1.4,
+    )
+
+
+def window_around(*points: NDArray[np.float64], margin_mm: float) -> drawing.Window:
+    """Return the window that holds all points, (n, 2) each."""
+    every = np.vstack(points)
+    (left, bottom), (right, top) = every.min(axis=0) - margin_mm, every.max(axis=0) + margin_mm
+    return (left, right, bottom, top)
+
+
+def abreast(sockets: Sequence[str]) -> list[Sequence[str]]:
+    """Divide the sockets that a figure shows into rows."""
+    shown = sockets[:MOST_SHOWN]
+    return [shown[i : i + MOST_ABREAST] for i in range(0, len(shown), MOST_ABREAST)]
+
+
+def panels(
+    sockets: Sequence[str],
+    rows: Sequence[str],
+    window: drawing.Window,
+    draw: Callable[[Axes, str, int], None],
+    key: float,
+    below: float = 0.0,
+) -> Figure:
+    """Draw sections to one scale, a column a socket.
+
+    Parameters
+    ----------
+    sockets, rows
+        Names of the columns, and labels of the rows that each has.
+    window
+        What each panel shows, mm of the section.
+    draw
+        Draws on a panel's axes, for a socket and the number of a row.
+    key, below
+        Room for a key at the figure's foot, and below each row, mm of paper.
+    """
+    blocks = abreast(sockets)
+    left = 5.0 if any(rows) else 0.0
+    width = min((WIDTH_MM - left) / max(map(len, blocks)), LARGEST_PANEL_MM)
+    height = width * (window[3] - window[2]) / (window[1] - window[0])
+    heads = [
+        TOP_MM + LINE_MM * max(socket_title(socket).count("\n") for socket in block)
+        for block in blocks
+    ]
+    total = sum(heads) + len(blocks) * len(rows) * (height + below) + key
+    figure = new_figure(total)
+    bottom = total
+    for block, head in zip(blocks, heads, strict=True):
+        bottom -= head
+        for i, row in enumerate(rows):
+            bottom -= height
+            for j, socket in enumerate(block):
+                axes = add_axes(figure, left + j * width, bottom, width, height)
+                drawing.frame(axes, window)
+                draw(axes, socket, i)
+                if i == 0:
+                    axes.set_title(socket_title(socket), pad=3)
+                if i == len(rows) - 1 and j == 0 and block is blocks[-1]:
+                    drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
+            if row:
+                label = add_axes(figure, 0.0, bottom, left, height)
+                drawing.frame(label, (0, left, 0, height))
+                label.text(left / 2, height / 2, row, rotation=90, ha="center", va="center",
+                           fontsize=8.5)  # fmt: skip
+            bottom -= below
+    if len(sockets) > MOST_SHOWN:
+        figure.text(
+            0.99, 0.998, f"the first {MOST_SHOWN} of {len(sockets)} sockets; each case has its own "
+            "picture.png", ha="right", va="top", fontsize=6,
+        )  # fmt: skip
+    compass(figure)
+    return figure
+
+
+def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
+    """Write a figure as PNG and as PDF, the same bytes for the same figure; return both paths."""
+    png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
+    with replacing(png) as temporary:
+        figure.savefig(temporary, dpi=PNG_DPI, facecolor="white")
+    with replacing(pdf) as temporary:
+        # no date: it alone would differ from one writing to the next
+        figure.savefig(temporary, dpi=PNG_DPI, metadata={"CreationDate": None})
+    return png, pdf

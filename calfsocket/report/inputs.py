@@ -1,0 +1,40 @@
+"""What a study was solved with, as its run.json has it, in the words that a report needs."""
+
+from typing import Any
+
+from calfsocket.simulation.results import Results
+
+Laws = dict[str, dict[str, dict[str, Any]]]
+"""Material set -> tissue or region -> kind of law and parameters (MPa)."""
+
+
+def settings(results: Results) -> dict[str, Any]:
+    """Return the settings of the cases by their last name; empty where no study was solved.
+
+    What is changed in all of the cases is as they have it.
+    """
+    if results.run is None:
+        return {}
+    found = {key: value for table in results.run.settings.values() for key, value in table.items()}
+    changes = [record.changes for record in results.records.values()]
+    if all(each == changes[0] for each in changes):
+        found |= {key.split(".")[-1]: value for key, value in changes[0].items()}
+    return found
+
+
+def laws(results: Results) -> Laws:
+    """Return the laws of every material set of the study, of variants by the base's names."""
+    if results.run is None:
+        return {}
+    known = {
+        name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
+        for name, laws in results.run.laws.items()
+    }
+    own = {key[1]: record.material_set for key, record in results.records.items()}
+    return known | {name: known[real] for name, real in own.items() if real in known}
+
+
+def title(results: Results) -> str:
+    """Title of the study file; empty without one."""
+    content = results.run.study.content if results.run else {}
+    return content.get("study", {}).get("title") or ""

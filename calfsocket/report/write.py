@@ -1,0 +1,179 @@
+"""The report of a study: tables, figures and page, from its results alone."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from calfsocket.plotting.style import save, type_set
+from calfsocket.report import answer, inputs, method, tables, variants
+from calfsocket.report.chapters import Chapter, Content, Drawn, Figure, Guest
+from calfsocket.report.damage import DamageThresholds
+from calfsocket.report.figures import figures
+from calfsocket.report.findings import Findings
+from calfsocket.report.page import Page, write_page
+from calfsocket.report.table import Table
+from calfsocket.simulation.results import Results
+
+FIGURES, TABLES = "figures", "tables"
+"""Folders beside the page."""
+
+TITLE = "What a prosthetic socket does inside a leg"
+
+
+def write_report(
+    results: Results,
+    guests: Sequence[Callable[[Findings], Guest | None]] = (),
+    thresholds: DamageThresholds | None = None,
+) -> Path:
+    """Write tables/, figures/ and report.html into a study's folder; return the page's path.
+
+    Parameters
+    ----------
+    results : Results
+        Of a study, complete or not.
+    guests : sequence of callable
+        Return what they add to the report of a study, or None.
+    thresholds : DamageThresholds, optional
+        Strains beyond which tissue is counted as at risk.
+
+    Raises
+    ------
+    InputError
+        When results cannot be read.
+    WriteError
+        When the report cannot be written.
+    """
+    findings = Findings(results, thresholds or DamageThresholds())
+    added = [guest for make in guests if (guest := make(findings)) is not None]
+    chapters = _numbered(_joined(_chapters(findings), added), added)
+    made = [
+        replace(chapter, content=tuple(_drawn(each, results.folder) for each in chapter.content))
+        for chapter in chapters
+    ]
+    shown = [each for chapter in made for each in chapter.content if isinstance(each, Table)]
+    for table in (*shown, *(table for each in added for table in each.tables)):
+        table.write(results.folder / TABLES)
+    page = Page(
+        title=_title(results, added),
+        summary=method.summary(findings.results),
+        warnings=[*method.warnings(results), *(text for each in added for text in each.warnings)],
+        answer=answer.joined(answer.answer(findings), (line for g in added for line in g.lines)),
+        notes=[each.note for each in added if each.note],
+        chapters=made,
+        method=method.tables(results),
+    )
+    return write_page(page, results.folder)
+
+
+def _title(results: Results, guests: Sequence[Guest]) -> str:
+    titles = [inputs.title(results), *(guest.title for guest in guests)]
+    return next(filter(None, titles), TITLE)
+
+
+def _chapters(findings: Findings) -> list[Chapter]:
+    """Return the chapters of any study's report; those without content are left out later."""
+    results = findings.results
+    drawn = figures(results)
+
+    def content(*parts: Content | None) -> tuple[Content, ...]:
+        return tuple(part for part in parts if part is not None)
+
+    return [
+        Chapter(
+            "model",
+            "The model",
+            "A transverse section of a leg in plane strain, pressed by a socket that is smaller "
+            "than the limb.",
+            content(drawn["regions"], drawn["overlays"], tables.laws(results)),
+        ),
+        Chapter(
+            "cases-side-by-side",
+            "The cases side by side",
+            content=content(tables.sweep(findings.study), tables.maxima(results)),
+        ),
+        Chapter(
+            "stress",
+            "Stress",
+            "Compression, distortion and shear of the tissues at rest in the socket, without body "
+            "weight. The largest value of a tissue is the largest level held by two neighbouring "
+            "elements and five of their nodes, so that no single point decides.",
+            content(drawn["effective_stress"]),
+        ),
+        Chapter(
+            "strain",
+            "Strain",
+            "Shear strain is engineering shear, twice the tensor's component. Stiff fascia in soft "
+            "muscle buckles under little compression: waves along it are part of the result, "
+            "stable where a run counts no negative modes.",
+            content(drawn["shear_strain"]),
+        ),
+        Chapter("contact", "Contact pressure", content=content(drawn["contact_pressure"])),
+        Chapter(
+            "damage-risk",
+            "Damage thresholds",
+            content=content(tables.thresholds(results), tables.damage(findings.damage)),
+        ),
+        Chapter(
+            "choices",
+            "What the variants change",
+            content=content(*variants.tables(findings.study)),
+        ),
+    ]
+
+
+def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
+    """Add guests' chapters to those of the same anchor, or behind the one that they follow."""
+    replaced = {name for guest in guests for name in guest.replaces}
+    chapters = [
+        replace(
+            chapter,
+            content=tuple(
+                each for each in chapter.content if getattr(each, "name", None) not in replaced
+            ),
+        )
+        for chapter in own
+    ]
+    for chapter in (chapter for guest in guests for chapter in guest.chapters):
+        anchors = [each.anchor for each in chapters]
+        if chapter.anchor in anchors:
+            place = anchors.index(chapter.anchor)
+            known = chapters[place]
+            title = chapter.title or known.title
+            intro = f"{known.intro} {chapter.intro}".strip()
+            content = (*known.content, *chapter.content)
+            chapters[place] = replace(known, title=title, intro=intro, content=content)
+        else:
+            place = anchors.index(chapter.after) + 1 if chapter.after else len(chapters)
+            chapters.insert(place, chapter)
+    return [chapter for chapter in chapters if chapter.content]
+
+
+def _numbered(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
+    """Return the chapters with figures numbered as guests say, or in the order of the page."""
+    numbers = {name: number for guest in guests for name, number in guest.numbers.items()}
+    captions = {name: text for guest in guests for name, text in guest.captions.items()}
+    count = 0
+    made = []
+    for chapter in chapters:
+        content: list[Content] = []
+        for each in chapter.content:
+            if isinstance(each, Figure) and not each.number:
+                count += 1
+                each = replace(
+                    each,
+                    number=numbers.get(each.name, str(count)),
+                    caption=f"{each.caption} {captions.get(each.name, '')}".strip(),
+                )
+            content.append(each)
+        made.append(replace(chapter, content=tuple(content)))
+    return made
+
+
+def _drawn(content: Content, folder: Path) -> Content:
+    """Draw a figure into its files; other content stays as it is."""
+    if not isinstance(content, Figure):
+        return content
+    name = f"figure{content.number}_{content.name}"
+    with type_set():
+        png, pdf = save(content.draw(), folder / FIGURES, name)
+    return Drawn(name, content.title, content.caption, content.number, png, pdf)

@@ -1,0 +1,152 @@
+"""What the solution of one case is: its fields and contact, its record, its files."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from calfsocket.io.errors import InputError
+from calfsocket.io.files import replacing, write_json
+from calfsocket.io.schema import read_json
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import Quantities, summary
+from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
+from calfsocket.simulation.record import CaseRecord, Checks
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RESULT_FILE = "result.json"
+CONTACT_FILE = "contact.csv"
+STEPS_FILE = "steps.csv"
+
+STEP_COLUMNS = (
+    "step",
+    "load",
+    "converged",
+    "reason",
+    "newton_iterations",
+    "residual_N_per_mm",
+    "seconds",
+    "negative_modes",
+)
+"""Columns of a result's load steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The last equilibrium of a case.
+
+    Attributes
+    ----------
+    record : CaseRecord
+        Names of the case, how it was solved, and the checks of the solution.
+    fields : SectionFields
+        Displacement, stress and strain of the section.
+    line : ContactLine
+        Contact along the skin.
+    steps : DataFrame
+        Load steps, with `STEP_COLUMNS`.
+
+    Examples
+    --------
+    ``Result.load("results/HS_separate").summary()`` has the largest stresses and strains of every
+    tissue and where they are; ``.plot()`` draws the section and the contact pressure around it.
+    """
+
+    record: CaseRecord
+    fields: SectionFields
+    line: ContactLine
+    steps: pd.DataFrame
+
+    @property
+    def checks(self) -> Checks:
+        """Numbers by which the solution is judged.
+
+        Raises
+        ------
+        ValueError
+            When the record has none.
+        """
+        if self.record.checks is None:
+            raise ValueError(f"{self.record.name}: the record holds no checks")
+        return self.record.checks
+
+    @property
+    def contact(self) -> pd.DataFrame:
+        """Contact along the skin, one row a point: the arrays of `ContactLine` as columns."""
+        return self.line.table
+
+    @cached_property
+    def quantities(self) -> Quantities:
+        """Stresses and strains at Gauss points and nodes, with levels and maxima by tissue."""
+        return Quantities.of(self.fields)
+
+    @cached_property
+    def _summary(self) -> pd.DataFrame:
+        return summary(self.quantities, self.line)
+
+    def summary(self) -> pd.DataFrame:
+        """Return the largest level of every quantity in every tissue, and the contact's numbers.
+
+        Returns
+        -------
+        DataFrame
+            tissue, quantity, value, unit, x_mm, y_mm (site in the reference section, mm) and
+            region. See `calfsocket.postprocess.quantities` for what a level is.
+        """
+        return self._summary.copy()
+
+    def plot(self) -> "Figure":
+        """Draw the deformed section with its effective stress and the contact pressure around."""
+        from calfsocket.plotting import case  # half a second, which solving may do without
+
+        return case.draw(self.quantities, self.line, case.case_title(*self.record.key))
+
+    def draw(self, folder: Path | str) -> Path:
+        """Write the picture of `plot` as picture.png into a folder; return its path."""
+        from calfsocket.plotting import case
+
+        return case.save(self.plot(), Path(folder))
+
+    def save(self, folder: Path | str) -> Path:
+        """Write fields.vtu, contact.csv, steps.csv and result.json; return the folder.
+
+        result.json is written last: a folder that has one is whole.
+        """
+        folder = Path(folder)
+        write_fields(folder, self.quantities, *self.record.key)
+        for name, table in ((CONTACT_FILE, self.contact), (STEPS_FILE, self.steps)):
+            with replacing(folder / name) as temporary:
+                table.to_csv(temporary, index=False)  # all digits
+        write_json(folder / RESULT_FILE, self.record.model_dump(mode="json"))
+        return folder
+
+    @classmethod
+    def load(cls, folder: Path | str) -> "Result":
+        """Read what `save` wrote, without loss.
+
+        Raises
+        ------
+        InputError
+            When a file is missing or cannot be read.
+        """
+        folder = Path(folder)
+        return cls.read(folder, read_json(folder / RESULT_FILE, CaseRecord))
+
+    @classmethod
+    def read(cls, folder: Path, record: CaseRecord) -> "Result":
+        """Read the files of a case whose record is known."""
+        try:
+            path = folder / FIELDS_FILE
+            fields = read_fields(folder)
+            path = folder / CONTACT_FILE
+            line = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
+            path = folder / STEPS_FILE
+            steps = pd.read_csv(path, float_precision="round_trip").fillna({"reason": ""})
+        except (OSError, ValueError, KeyError) as error:
+            raise InputError(f"{path}: cannot be read ({error}); solve the case again") from None
+        return cls(record, fields, line, steps)

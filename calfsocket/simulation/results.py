@@ -1,0 +1,220 @@
+"""The results of several cases: a study's folder, read when it is asked for."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from calfsocket.io.errors import InputError
+from calfsocket.io.schema import read_json
+from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STEPS_FILE, Result
+
+SUMMARY_FILE = "summary.csv"
+KEY = ("socket", "material_set")
+"""Columns that name the case in every table that cases share."""
+
+Key = tuple[str, str]
+"""Socket and material set."""
+
+
+class _Files:
+    """Reads every case once, from its folder."""
+
+    def __init__(self, folders: Mapping[Key, Path]) -> None:
+        self._folders, self._known = folders, dict[Key, Result]()
+
+    def __call__(self, record: CaseRecord) -> Result:
+        if record.key not in self._known:
+            self._known[record.key] = Result.read(self._folders[record.key], record)
+        return self._known[record.key]
+
+
+class Results(Mapping[Key, Result]):
+    """Results of several cases by (socket, material set), in the order of the study.
+
+    A case's files are read when it is first asked for. Cases that did not reach their full load are
+    left out.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the study.
+    run : StudyRecord, optional
+        Inputs and versions of the study; None where single results were saved into the folder.
+    records : mapping
+        (socket, material set) -> record of every case, in order.
+    read : callable
+        Returns the result of a record.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        run: StudyRecord | None,
+        records: Mapping[Key, CaseRecord],
+        read: Callable[[CaseRecord], Result],
+    ) -> None:
+        self.folder, self.run, self._read = folder, run, read
+        self._records = dict(records)
+        self.records = {key: each for key, each in records.items() if each.status == "solved"}
+        """Records of the solved cases."""
+
+    def __getitem__(self, key: Key) -> Result:
+        if key not in self.records:
+            raise KeyError(f"{self.folder} holds no solved case {'_'.join(key)}")
+        return self._read(self.records[key])
+
+    def __iter__(self) -> Iterator[Key]:
+        return iter(self.records)
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Name of every case that is not solved -> why."""
+        return {
+            record.name: record.message or "not finished"
+            for record in self._records.values()
+            if record.status != "solved"
+        }
+
+    @property
+    def sockets(self) -> tuple[str, ...]:
+        """Sockets of the solved cases."""
+        return tuple(dict.fromkeys(socket for socket, _ in self))
+
+    @property
+    def material_sets(self) -> tuple[str, ...]:
+        """Material sets of the solved cases, in the order of all."""
+        solved = {name for _, name in self}
+        return tuple(dict.fromkeys(name for _, name in self._records if name in solved))
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Rows of summary.csv of all cases; computed from their fields where there is none."""
+        return self._table(SUMMARY_FILE, Result.summary)
+
+    @cached_property
+    def contact(self) -> pd.DataFrame:
+        """Rows of contact.csv of all cases."""
+        return self._table(CONTACT_FILE, lambda result: result.contact)
+
+    @cached_property
+    def steps(self) -> pd.DataFrame:
+        """Rows of steps.csv of all cases."""
+        return self._table(STEPS_FILE, lambda result: result.steps)
+
+    def value(self, socket: str, material_set: str, tissue: str, quantity: str) -> float:
+        """Value of the summary; NaN where there is none."""
+        return self._values.get((socket, material_set, tissue, quantity), float("nan"))
+
+    @cached_property
+    def _values(self) -> dict[tuple[str, ...], float]:
+        rows = self.summary[[*KEY, "tissue", "quantity", "value"]]
+        return {tuple(row[:4]): float(row[4]) for row in rows.itertuples(index=False, name=None)}
+
+    def only(self, keys: Iterable[Key]) -> "Results":
+        """Return the results of some cases."""
+        keys = set(keys)
+        records = {key: record for key, record in self._records.items() if key in keys}
+        return Results(self.folder, self.run, records, self._read)
+
+    def select(self, changes: Mapping[str, Any]) -> "Results":
+        """Return the cases of a sweep that differ from the base in just these changes.
+
+        Parameters
+        ----------
+        changes : mapping
+            Dotted name of a parameter -> value as in the study file; empty for the base.
+
+        Returns
+        -------
+        Results
+            By the names that the cases have in the base (`CaseRecord.of`).
+        """
+        records = {
+            record.of: record
+            for record in self._records.values()
+            if record.changes == dict(changes)
+        }
+        return Results(self.folder, self.run, records, self._read)
+
+    def _table(self, name: str, of_result: Callable[[Result], pd.DataFrame]) -> pd.DataFrame:
+        path = self.folder / name
+        whole = _read_table(path) if path.is_file() else None
+        parts = []
+        for key, record in self.records.items():
+            if whole is None:
+                rows = of_result(self[key])
+            else:
+                mine = (whole.socket == record.socket) & (whole.material_set == record.material_set)
+                rows = whole[mine].drop(columns=list(KEY))
+                if rows.empty:
+                    raise InputError(f"{path}: has no row of {record.name}, which is solved")
+            parts.append(of_case(rows, key))
+        return pd.concat(parts, ignore_index=True)
+
+
+def of_case(rows: pd.DataFrame, key: Key) -> pd.DataFrame:
+    """Return a case's rows with the columns that name it in a table of several cases."""
+    rows = rows.copy()
+    for place, (column, value) in enumerate(zip(KEY, key, strict=True)):
+        rows.insert(place, column, value)
+    return rows
+
+
+def load_results(folder: Path | str) -> Results:
+    """Read the results of a study, or of single results that were saved into one folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Holds a run.json, or a folder with a result.json for every case.
+
+    Returns
+    -------
+    Results
+        By (socket, material set); cases are read when they are asked for.
+
+    Raises
+    ------
+    InputError
+        When there are no results, a file is missing or cannot be read, or no case reached its full
+        load.
+    """
+    folder = Path(folder)
+    run = None
+    if (folder / RUN_FILE).is_file():
+        run = read_run(folder / RUN_FILE)
+        # `inputs` has the cases in the order of the study, whatever was solved when
+        order = dict.fromkeys([*run.inputs, *run.cases])
+        solved = [run.cases[name] for name in order if name in run.cases]
+        found = {record.key: (folder / record.name, record) for record in solved}
+    else:
+        paths = sorted(folder.glob(f"*/{RESULT_FILE}"))
+        read = [(path.parent, read_json(path, CaseRecord)) for path in paths]
+        found = {record.key: (place, record) for place, record in read}
+    if not found:
+        raise InputError(f"{folder}: holds neither a {RUN_FILE} nor a case's {RESULT_FILE}")
+    records = {key: record for key, (_, record) in found.items()}
+    files = _Files({key: place for key, (place, _) in found.items()})
+    results = Results(folder, run, records, files)
+    if not results:
+        why = "; ".join(f"{name}: {text}" for name, text in results.left_out.items())
+        raise InputError(f"{folder}: no case reached its full load ({why}); solve the study first")
+    return results
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path, dtype=dict.fromkeys(KEY, str), keep_default_na=True)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); solve the study again") from None
+    for column in KEY:
+        if column not in table:
+            raise InputError(f"{path}: has no column '{column}'; it is not the table of a study")
+    return table

@@ -1,0 +1,337 @@
+"""One limb in one socket: meshed, solved and checked."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from calfsocket.contact.parameters import Contact
+from calfsocket.io.errors import ConvergenceError, InputError, in_one_line
+from calfsocket.io.schema import nearest
+from calfsocket.io.versions import versions
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import SOCKET
+from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
+from calfsocket.meshes import tags
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.placement import Placement, check_placement
+from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.sizing import MeshSize, mesh_size
+from calfsocket.meshes.socket import Socket
+from calfsocket.parallel.first_rank import on_first_rank
+from calfsocket.postprocess.extract import contact_line, section_fields
+from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError
+from calfsocket.simulation.precompile import precompile
+from calfsocket.simulation.profile import Phases, Profile
+from calfsocket.simulation.record import CaseRecord, Checks
+from calfsocket.simulation.result import STEP_COLUMNS, Result
+
+
+class Monitor:
+    """Called while a simulation runs, on every rank; this one does nothing."""
+
+    def message(self, text: str, load: float, milestone: bool = False) -> None:
+        """Take a remark; a milestone is worth a line of a log."""
+
+    def iteration(self, load: float, number: int, residual: float) -> None:
+        """Take the residual norm (N/mm) before an iteration of Newton's method."""
+
+    def step(self, step: LoadStep) -> None:
+        """Take a load step that converged or failed."""
+
+    def resumed(self, start: Milestone) -> None:
+        """Take the equilibrium that the simulation starts from, of an earlier run."""
+
+
+class Simulation:
+    """A limb in a socket: the equilibrium in which the socket rests on the skin.
+
+    Limb and socket overlap at the start. The overlap is released in load steps, the load growing
+    from 0 to 1, with frictional contact between the skin and the socket's inner face.
+
+    Parameters
+    ----------
+    limb : Limb
+        The section.
+    socket : Socket
+        The socket.
+    materials : MaterialSet
+        Law of every tissue of the limb, and of the socket unless it has one of its own.
+    mesh_size : str or int
+        "coarse", "medium" or "paper", or a number of triangles.
+    contact : Contact, optional
+        Friction and Nitsche stiffness; by default those of the paper.
+    support : {"floating", "outer-fixed"}
+        Whether the socket rests on the limb alone, or is held at its outer face.
+    steps : LoadSteps, optional
+        Sizes of the load steps.
+    comm : MPI.Intracomm, optional
+        Ranks that solve it together; by default all ranks of the program.
+    placement : Placement, optional
+        How the socket sits on the limb, where that is known already.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used, or the limb has a tissue without a law.
+
+    Examples
+    --------
+    >>> limb, socket = Limb.reference(), Socket.reference("HS")
+    >>> simulation = Simulation(limb, socket, MaterialSet.paper("separate"), mesh_size="coarse")
+    >>> result = simulation.solve()  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        limb: Limb,
+        socket: Socket,
+        materials: MaterialSet,
+        mesh_size: str | int | MeshSize = "paper",
+        contact: Contact | None = None,
+        support: SocketSupport = "floating",
+        steps: LoadSteps | None = None,
+        comm: MPI.Intracomm | None = None,
+        placement: Placement | None = None,
+    ) -> None:
+        if support not in SUPPORTS:
+            raise InputError(f"support: is '{support}'; {nearest(str(support), SUPPORTS)}")
+        self.limb, self.socket, self.materials = limb, socket, materials
+        self.mesh_size = checked_size(mesh_size)
+        self.contact = contact or Contact()
+        self.support = support
+        self.steps = steps or LoadSteps()
+        if self.steps.extrapolate is None:
+            combined = materials.base == "combined"
+            self.steps = self.steps.model_copy(update={"extrapolate": combined})
+        self.comm = MPI.COMM_WORLD if comm is None else comm
+        self.phases = Phases()
+        self._placement = placement
+        self.region_laws = materials.region_laws(limb.tissues)
+        if wall := socket.elasticity():
+            self.region_laws[tags.SOCKET] = SOCKET.model_copy(update=wall)
+
+    @cached_property
+    def placement(self) -> Placement:
+        """How the socket sits on the undeformed limb.
+
+        Raises
+        ------
+        InputError
+            If it cannot be put on: one line that names the socket and the place.
+        """
+        return self._placement or check_placement(self.socket, self.limb, self.socket.name)
+
+    @property
+    def inputs(self) -> dict[str, Any]:
+        """All that the result depends on, except versions and PETSc's options, as JSON."""
+        return {
+            "limb": self.limb.model_dump(mode="json"),
+            "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
+            "laws": {name: law.model_dump(mode="json") for name, law in self.region_laws.items()},
+            "mesh_size": self.mesh_size.name,
+            "contact": self.contact.model_dump(mode="json"),
+            "support": self.support,
+            "steps": self.steps.model_dump(mode="json"),
+        }
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the `inputs`."""
+        return "sha256:" + hashlib.sha256(json.dumps(self.inputs).encode()).hexdigest()
+
+    def solve(
+        self,
+        monitor: Monitor | None = None,
+        checkpoint: Path | None = None,
+        resume: bool = False,
+        profile: Profile | None = None,
+    ) -> Result:
+        """Mesh, solve and check (collective).
+
+        Parameters
+        ----------
+        monitor : Monitor, optional
+            Called while it runs.
+        checkpoint : Path, optional
+            File that holds the last equilibrium while the simulation runs.
+        resume : bool
+            Start from that file if it was made from the same inputs.
+        profile : Profile, optional
+            Times the solution.
+
+        Returns
+        -------
+        Result
+            The state at full load, on every rank.
+
+        Raises
+        ------
+        InputError
+            If the socket cannot be put on the limb, or the geometry cannot be meshed.
+        ConvergenceError
+            If the full load is not reached; its `result` holds the last equilibrium.
+        """
+        monitor = monitor or Monitor()
+        on_first_rank(self.comm, lambda: self.placement)
+        monitor.message("mesh and set-up", 0.0, True)
+        precompile(self.comm, [self.materials])
+        with self.phases("mesh"):
+            section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size)
+        with self.phases("setup"):
+            laws = {name: self.region_laws[name] for name in section.regions}
+            problem = limb_problem(section, laws, self.contact, self.support)
+            stepper = LoadStepper(
+                problem, self.steps, on_iteration=monitor.iteration, on_step=monitor.step
+            )
+        start = self._keep_checkpoints(stepper, monitor, checkpoint, resume)
+        failure = ""
+        if profile:
+            profile.start()
+        try:
+            with self.phases("solve"):
+                stepper.run(start)
+        except ConvergenceError as error:
+            failure = str(error)
+        if profile:
+            profile.stop()
+        result = self._result(stepper, start, failure)
+        if failure:
+            raise ConvergenceError(failure, result)
+        return result
+
+    def _keep_checkpoints(
+        self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool
+    ) -> Milestone | None:
+        """Have each equilibrium written to a file; return the one to start from."""
+        if path is None:
+            return None
+        conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
+        checkpoint = Checkpoint(path, stepper.problem, {"case": self.fingerprint, **conditions})
+        troubles: set[str] = set()
+
+        def save(milestone: Milestone) -> None:
+            with self.phases("checkpoints"), reported(monitor, milestone.load, troubles):
+                checkpoint.save(milestone)
+
+        stepper.on_milestone = save
+        if not resume:
+            return None
+        try:
+            start = checkpoint.load()
+        except CheckpointError as error:  # on all ranks
+            monitor.message(f"starts from load 0: {error}", 0.0, True)
+            return None
+        if start is not None:
+            monitor.resumed(start)
+        return start
+
+    def _result(self, stepper: LoadStepper, start: Milestone | None, failure: str) -> Result:
+        with self.phases("checks"):
+            checks = check(stepper)
+        with self.phases("fields"):
+            tissues = self.limb.tissues | {tags.SOCKET: tags.SOCKET}
+            fields = section_fields(stepper.problem, tissues)
+            line = contact_line(stepper.problem)
+            if self.comm.size > 1:
+                fields, line = self.comm.bcast((fields, line), root=0)
+        assert fields is not None and line is not None
+        record = CaseRecord(
+            socket=self.socket.name,
+            material_set=self.materials.name,
+            of=(self.socket.name, self.materials.name),
+            base_set=self.materials.base,
+            status="failed" if failure else "solved",
+            message=failure,
+            ranks=self.comm.size,
+            resumed_from_load=start.load if start else 0.0,
+            seconds=self.phases.seconds,
+            checks=checks,
+        )
+        return Result(record, fields, line, steps_table(stepper.steps, checks))
+
+
+def checked_size(size: str | int | MeshSize) -> MeshSize:
+    """Return a mesh size by its name or by a number of triangles.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name, or the number is outside its range.
+    """
+    if isinstance(size, MeshSize):
+        return size
+    if isinstance(size, bool) or not isinstance(size, str | int):
+        raise InputError(
+            f"mesh size: is {size!r}; give coarse, medium or paper, or a number of triangles"
+        )
+    try:
+        return mesh_size(str(size))
+    except InputError as error:
+        raise InputError(f"mesh {error}") from None
+
+
+def check(stepper: LoadStepper) -> Checks:
+    """Compute the checks of the equilibrium that a stepper has come to (collective)."""
+    problem = stepper.problem
+    newton = [step.newton for step in stepper.steps]
+    converged = [result for result in newton if result.converged]
+    volume_ratio, region = problem.smallest_volume_ratio()
+    imbalance, pressing = problem.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
+    return Checks(
+        load=problem.load,
+        unknowns=problem.V.dofmap.index_map.size_global,
+        cells=problem.section.mesh.topology.index_map(2).size_global,
+        steps=len(converged),
+        failed_steps=len(newton) - len(converged),
+        newton_iterations=sum(result.iterations for result in newton),
+        residual_N_per_mm=converged[-1].residual if converged else 0.0,
+        smallest_volume_ratio=volume_ratio,
+        smallest_volume_ratio_region=region,
+        largest_gap_in_contact_mm=problem.contact.largest_gap(),
+        pressing_force_N_per_mm=pressing,
+        relative_force_imbalance=imbalance / pressing if pressing else 0.0,
+        negative_modes=stepper.newton.negative_modes(),
+    )
+
+
+def step_row(step: LoadStep) -> dict[str, Any]:
+    """Return a load step as a row of steps.csv."""
+    return {
+        "step": step.number,
+        "load": step.load,
+        "converged": step.newton.converged,
+        "reason": step.newton.reason,
+        "newton_iterations": step.newton.iterations,
+        "residual_N_per_mm": step.newton.residual,
+        "seconds": step.seconds,
+        "negative_modes": "",
+    }
+
+
+def steps_table(steps: Sequence[LoadStep], checks: Checks | None = None) -> pd.DataFrame:
+    """Return load steps as a table; the negative modes are those of the last equilibrium."""
+    rows = [step_row(step) for step in steps]
+    if rows and checks:
+        rows[-1]["negative_modes"] = checks.negative_modes
+    return pd.DataFrame(rows, columns=list(STEP_COLUMNS))
+
+
+@contextmanager
+def reported(monitor: Monitor, load: float, troubles: set[str]) -> Iterator[None]:
+    """Report once that a file cannot be written, and carry on: it may be possible later."""
+    try:
+        yield
+    except OSError as error:
+        text = in_one_line(error)
+        if text not in troubles:
+            monitor.message(text, load, True)
+        troubles.add(text)

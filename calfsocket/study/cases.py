@@ -1,0 +1,406 @@
+"""The cases of a study file: every socket's shape, every law, nothing solved."""
+
+import difflib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.schema import checked, nearest
+from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.placement import Placement, check_placement
+from calfsocket.meshes.socket import AnySocket, resolved
+from calfsocket.postprocess.thresholds import Threshold
+from calfsocket.simulation.record import CaseRecord, StudySource
+from calfsocket.simulation.simulation import Simulation
+from calfsocket.study import sweep
+from calfsocket.study.document import Document
+from calfsocket.study.files import Files
+from calfsocket.study.sweep import Changes, Labels, Point
+
+MOST_CASES = 1000
+
+
+@dataclass(frozen=True)
+class Case:
+    """A socket with a material set, and all that is solved with them.
+
+    Attributes
+    ----------
+    limb : Limb
+        The section.
+    socket : Socket
+        Its name is that of the case in the tables, with a label where it is a variant.
+    materials : MaterialSet
+        Likewise.
+    document : Document
+        The study file with the changes of this case.
+    of : (str, str)
+        Names of socket and material set in the study file.
+    changes : mapping
+        Parameters by which it differs from the study file.
+    placement : Placement
+        How the socket sits on the limb.
+    """
+
+    limb: Limb
+    socket: AnySocket
+    materials: MaterialSet
+    document: Document
+    of: tuple[str, str]
+    changes: Changes
+    placement: Placement
+
+    @property
+    def record(self) -> CaseRecord:
+        """Its entry in run.json before it is solved."""
+        return CaseRecord(
+            socket=self.socket.name,
+            material_set=self.materials.name,
+            of=self.of,
+            base_set=self.materials.base,
+            changes=dict(self.changes),
+        )
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        return self.record.name
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Values of the columns that name it in every table."""
+        return self.socket.name, self.materials.name
+
+    def simulation(self, comm: MPI.Intracomm | None = None) -> Simulation:
+        """Return the simulation of the case on a communicator."""
+        model = self.document.model
+        return Simulation(
+            self.limb,
+            self.socket,
+            self.materials,
+            mesh_size=model.size,
+            contact=model.contact,
+            support=model.socket_support,
+            steps=self.document.steps,
+            comm=comm,
+            placement=self.placement,
+        )
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a study solves.
+
+    Attributes
+    ----------
+    source : StudySource
+        What repeats it.
+    document : Document
+        The study file, checked.
+    limb : Limb
+        The section.
+    cases : tuple of Case
+        All cases of the file, in its order.
+    chosen : tuple of str
+        Names of those to solve; all where empty.
+    parameters : tuple of str
+        Dotted names of what a sweep changes, in the order of the file.
+    """
+
+    source: StudySource
+    document: Document
+    limb: Limb
+    cases: tuple[Case, ...]
+    chosen: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+
+    @property
+    def to_solve(self) -> tuple[Case, ...]:
+        """The chosen cases."""
+        return tuple(case for case in self.cases if not self.chosen or case.name in self.chosen)
+
+    @property
+    def order(self) -> list[tuple[str, str]]:
+        """Keys of all cases, in the order of the tables."""
+        return [case.key for case in self.cases]
+
+    @property
+    def thresholds(self) -> tuple[Threshold, ...]:
+        """Levels beyond which the summary counts a share of a tissue."""
+        return tuple(each.threshold() for each in self.document.thresholds)
+
+    @property
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """Tables `model` and `steps`, defaults filled in."""
+        document = self.document
+        return {
+            "model": document.model.model_dump(mode="json"),
+            "steps": document.steps.model_dump(mode="json"),
+        }
+
+    @cached_property
+    def fingerprints(self) -> dict[str, str]:
+        """Fingerprint of the inputs of each case, by its name."""
+        return {case.name: case.simulation(MPI.COMM_SELF).fingerprint for case in self.cases}
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A case as the file asks for it: names, changes, and where the file says so."""
+
+    socket: str
+    materials: str
+    changes: Changes = field(hash=False)
+    label: str
+    place: str
+
+
+class Planner:
+    """Makes the cases of a study file.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    content : mapping
+        As parsed.
+    files : Files
+        What the file may name.
+    limb : Limb
+        The section.
+    reference : mapping of str to Socket
+        The sockets that every study knows.
+
+    Attributes
+    ----------
+    document : Document
+        The file without changes.
+    parameters : tuple of str
+        Dotted names of what a sweep changes, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        One line: file, key, what is allowed, what to do.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        content: Mapping[str, Any],
+        files: Files,
+        limb: Limb,
+        reference: Mapping[str, AnySocket],
+    ) -> None:
+        self._path, self._content, self._files = path, content, files
+        self._limb, self._reference = limb, reference
+        self._documents: dict[str, Document] = {}
+        self._placements: dict[AnySocket, Placement] = {}
+        self.document = self._changed_document({}, "")
+        self._check_names(self.document)
+        with error_context(path):
+            self._points = sweep.points(self.document.sweep)
+        self.parameters = sweep.parameters(self._points)
+
+    def cases(self) -> tuple[Case, ...]:
+        """Return all cases in the order of the file."""
+        asked = list(self._asked())
+        self._check_changes(asked)
+        labels = Labels(
+            [*self.parameters, *(name for each in asked for name in each.changes)], self._points
+        )
+        cases: dict[tuple[str, str], Case] = {}
+        seen: set[tuple[_Asked, str]] = set()
+        for each in asked:
+            for number, point in enumerate(self._points, 1):
+                own = sweep.reaching({**each.changes, **point.changes}, each.socket, each.materials)
+                known = (each, json.dumps([own, point.label], default=str))
+                if known in seen or (point.label and not own):
+                    continue
+                seen.add(known)
+                case = self._case(each, own, point, labels, number)
+                if case.key in cases:
+                    raise InputError(
+                        f"{self._path}: {each.place}: two cases would be called {case.name}; "
+                        "give each a label of its own"
+                    )
+                cases[case.key] = case
+                if len(cases) > MOST_CASES:
+                    raise InputError(
+                        f"{self._path}: more than {MOST_CASES} cases; make several studies"
+                    )
+        self._check_folders(cases)
+        for name in self.parameters:
+            if not any(name in case.changes for case in cases.values()):
+                raise InputError(
+                    f"{self._path}: sweep: {name} reaches no case; add its socket or material set "
+                    "to the study, or leave it out"
+                )
+        return tuple(cases.values())
+
+    # -- what the file asks for -----------------------------------------------------------------
+
+    def _asked(self) -> Iterator[_Asked]:
+        """Yield the cases of the file before any sweep."""
+        document = self.document
+        study = document.study
+        if document.cases and (study.sockets or study.materials):
+            raise InputError(
+                f"{self._path}: cases: give either [[cases]], or study.sockets and "
+                "study.materials, whose combinations are the cases"
+            )
+        for number, table in enumerate(document.cases):
+            own = sweep.flat(table.set)
+            yield _Asked(table.socket, table.materials, own, table.label or "", f"cases.{number}")
+        if not document.cases:
+            for key in ("sockets", "materials"):
+                if not getattr(study, key):
+                    raise InputError(
+                        f"{self._path}: study.{key}: is empty, so there is no case; name at "
+                        f"least one of {', '.join(self._known(key))}, or add [[cases]]"
+                    )
+            for socket in study.sockets:
+                for materials in study.materials:
+                    yield _Asked(socket, materials, {}, "", "study")
+
+    def _check_changes(self, asked: list[_Asked]) -> None:
+        places = [("sweep", point.changes) for point in self._points]
+        for place, changes in (*places, *((each.place, each.changes) for each in asked)):
+            with error_context(self._path, place):
+                sweep.applied(self._content, changes)
+
+    def _known(self, key: str) -> list[str]:
+        ours = {"sockets": tuple(self._reference), "materials": BASE_SETS}[key]
+        return [*ours, *getattr(self.document, key)]
+
+    def _check_names(self, document: Document) -> None:
+        """Refuse names of sockets, material sets and tissues that do not exist."""
+        named = [("study.sockets", "sockets", name) for name in document.study.sockets]
+        named += [("study.materials", "materials", name) for name in document.study.materials]
+        for number, case in enumerate(document.cases):
+            named.append((f"cases.{number}.socket", "sockets", case.socket))
+            named.append((f"cases.{number}.materials", "materials", case.materials))
+        for place, key, name in named:
+            known = self._known(key)
+            if name not in known:
+                what = "socket" if key == "sockets" else "material set"
+                raise InputError(
+                    f"{self._path}: {place}: no {what} '{name}'; {nearest(name, known)}"
+                )
+        for name, table in document.materials.items():
+            self._check_laws(f"materials.{name}", table.laws, [table.like])
+        used = [*document.study.materials, *(case.materials for case in document.cases)]
+        bases = [self._base(document, name) for name in used]
+        self._check_laws("laws", document.laws, bases)
+
+    def _base(self, document: Document, name: str) -> BaseSet:
+        """Return the set of the paper that a material set is, or starts from."""
+        return document.materials[name].like if name in document.materials else name  # type: ignore[return-value]
+
+    def _check_laws(self, place: str, laws: Mapping[str, Any], bases: list[BaseSet]) -> None:
+        regions = list(self._limb.tissues)
+        materials = [name for base in bases for name in MaterialSet.paper(base).laws]
+        for name in laws:
+            if name not in (*materials, *regions):
+                near = difflib.get_close_matches(name, [*materials, *regions], n=1)
+                hint = (
+                    f"did you mean '{near[0]}'?"
+                    if near
+                    else f"allowed: {', '.join(dict.fromkeys(materials))}, or a region such as "
+                    f"'{regions[0]}' (`show` draws them)"
+                )
+                raise InputError(
+                    f"{self._path}: {place}.{name}: no tissue or region '{name}'; {hint}"
+                )
+
+    # -- one case -------------------------------------------------------------------------------
+
+    def _changed_document(self, changes: Changes, place: str) -> Document:
+        """Return the file, checked, with some parameters changed."""
+        key = json.dumps(changes, default=str)
+        if key not in self._documents:
+            with error_context(self._path, place):
+                content = sweep.applied(self._content, changes)
+            words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
+            origin = f"{place}: with {words}: " if changes else ""
+            if isinstance(content.get("sockets"), dict):
+                content["sockets"] = {
+                    name: self._resolved(table, f"{origin}sockets.{name}")
+                    for name, table in content["sockets"].items()
+                }
+            self._documents[key] = checked(self._path, content, Document, origin)
+        return self._documents[key]
+
+    def _resolved(self, table: Any, place: str) -> Any:
+        """Return a socket's table as its class has it."""
+        with error_context(self._path, place):
+            return resolved(table, self._reference, self._files.outline)
+
+    def _case(self, asked: _Asked, own: Changes, point: Point, labels: Labels, number: int) -> Case:
+        place = "sweep" if any(name in own for name in point.changes) else asked.place
+        document = self._changed_document(own, place)
+        if own:
+            self._check_names(document)
+        if point.label is None:
+            shown = {k: v for k, v in own.items() if not asked.label or k in point.changes}
+            of_set = {k: v for k, v in shown.items() if k.startswith("materials.")}
+            of_socket = {k: v for k, v in shown.items() if k not in of_set}
+            words = labels.of(of_socket, number), labels.of(of_set, number)
+        else:
+            words = point.label, ""
+        materials = self._materials(document, asked.materials, _joined(asked.materials, words[1]))
+        socket = self._socket(document, asked.socket, _joined(asked.socket, asked.label, words[0]))
+        return Case(
+            limb=self._limb,
+            socket=socket,
+            materials=materials,
+            document=document,
+            of=(asked.socket, asked.materials),
+            changes=dict(own),
+            placement=self._placement(socket, asked.socket),
+        )
+
+    def _socket(self, document: Document, name: str, label: str) -> AnySocket:
+        socket = document.sockets.get(name) or self._reference[name]
+        return socket.model_copy(update={"name": label})
+
+    def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
+        model = document.model
+        paper = MaterialSet.paper(self._base(document, name), model.fascia_c10, model.ogden_form)
+        with error_context(self._path):
+            laws = self._files.laws(document.laws)
+            if name in document.materials:
+                laws |= self._files.laws(document.materials[name].laws)
+        with error_context(self._path, f"materials.{name}"):
+            return replace(paper.replace_known(laws, self._limb.tissues), name=label)
+
+    def _placement(self, socket: AnySocket, name: str) -> Placement:
+        """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""
+        shape = socket.model_copy(update={"name": ""})
+        if shape not in self._placements:
+            with error_context(self._path, f"sockets.{name}"):
+                self._placements[shape] = check_placement(shape, self._limb)
+        return self._placements[shape]
+
+    def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:
+        """Refuse two cases with one folder, also where capitals make no difference."""
+        folders: dict[str, Case] = {}
+        for case in cases.values():
+            other = folders.setdefault(case.name.casefold(), case)
+            if other is not case:
+                raise InputError(
+                    f"{self._path}: the cases {' with '.join(other.key)} and "
+                    f"{' with '.join(case.key)} would share the folder {case.name}; "
+                    "rename a socket or a material set"
+                )
+
+
+def _joined(*words: str) -> str:
+    return "@".join(word for word in words if word)

@@ -1,0 +1,123 @@
+"""Solved problems at points: bodies at quadrature points, contact on the skin's edges."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from calfsocket.contact.interface import ContactInterface
+from calfsocket.contact.nitsche import ContactState
+from calfsocket.forms import mixed
+from calfsocket.materials.fields import LawFields
+from calfsocket.meshes.distributed import SectionMesh
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Points:
+    """A solved body at n quadrature points.
+
+    Attributes
+    ----------
+    x, u : (2, n)
+        Position and displacement, mm.
+    F : (2, 2, n)
+        Deformation gradient.
+    p : (n,)
+        Pressure, MPa, > 0 in tension.
+    weight : (n,)
+        Quadrature weight times area element, mm^2.
+    region : (n,)
+        Region tag.
+    """
+
+    x: FloatArray
+    u: FloatArray
+    F: FloatArray
+    p: FloatArray
+    weight: FloatArray
+    region: NDArray[np.int32]
+
+
+def at_points(
+    section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8
+) -> Points:
+    """Evaluate mixed unknowns at the points of a quadrature rule of some degree, on one rank."""
+    domain = section.mesh
+    points, weights = map(np.asarray, basix.make_quadrature(basix.CellType.triangle, degree))
+    cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+    u, p_dof = ufl.split(w)
+
+    def evaluate(expression: Any) -> NDArray[Any]:
+        values = fem.Expression(expression, points, comm=domain.comm).eval(domain, cells)
+        return np.asarray(values).reshape(len(cells) * len(points), -1).T
+
+    area = np.abs(evaluate(ufl.JacobianDeterminant(domain))[0])
+    return Points(
+        x=evaluate(ufl.SpatialCoordinate(domain)),
+        u=evaluate(u),
+        F=evaluate(ufl.Identity(2) + ufl.grad(u)).reshape(2, 2, -1),
+        p=evaluate(mixed.pressure(p_dof, fields.pressure_scale))[0],
+        weight=area * np.tile(weights, len(cells)),
+        region=np.repeat(section.cell_regions(), len(points)),
+    )
+
+
+def edge_means(contact: ContactInterface, values: FloatArray) -> FloatArray:
+    """Mean over each of this rank's skin edges of values at its points."""
+    by_edge = -1, len(contact.edge_parameters)
+    weight = contact.points.weight.reshape(by_edge)
+    return np.asarray((weight * values.reshape(by_edge)).sum(axis=1) / weight.sum(axis=1))
+
+
+def skin_mean(contact: ContactInterface, values: FloatArray) -> float:
+    """Mean over the skin of values at its points (collective)."""
+    weight = contact.points.weight
+    comm = contact.comm
+    return float(comm.allreduce(weight @ values) / comm.allreduce(weight.sum()))
+
+
+def largest(comm: MPI.Comm, values: FloatArray) -> float:
+    """Largest of the values of all ranks (collective)."""
+    return float(comm.allreduce(values.max(initial=-np.inf), op=MPI.MAX))
+
+
+@dataclass(frozen=True)
+class Slid:
+    """What friction does between two states, on one rank.
+
+    Attributes
+    ----------
+    slip : (n,)
+        Slip of each skin point on the socket, mm.
+    work : (n,)
+        Work of friction there with the later shear, -q slip, N/mm.
+    """
+
+    slip: FloatArray
+    work: FloatArray
+
+    @classmethod
+    def between(
+        cls, contact: ContactInterface, before: ContactState, after: ContactState
+    ) -> "Slid":
+        """Compare two states of an interface."""
+        slip = contact.chain.slip(after.projection.arc, before.projection.arc)
+        return cls(slip, -after.traction.shear * slip)
+
+
+def deviation(values: FloatArray, exact: FloatArray, weight: FloatArray) -> float:
+    """Root mean square of a difference, over that of the exact values."""
+    return float(np.sqrt(weight @ (values - exact) ** 2 / (weight @ exact**2)))
+
+
+def worst(values: Sequence[float] | FloatArray) -> float:
+    """Largest magnitude."""
+    return float(np.abs(values).max())

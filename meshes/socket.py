@@ -1,0 +1,403 @@
+"""Sockets: one class for each kind, which knows its numbers, its checks and its faces."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Union
+
+import numpy as np
+from pydantic import Field, GetJsonSchemaHandler, RootModel
+from pydantic_core import CoreSchema
+
+from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.quantity import Written
+from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
+from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
+from calfsocket.meshes import curves
+from calfsocket.meshes.curves import Array, ClosedCurve, Points, at, polar_angle
+
+#: How far a socket's face may lie from the skin, mm.
+Offset = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-100, le=100)]
+Shift = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-1000, le=1000)]
+Wall = Annotated[float, Written(LENGTH, "4.5 mm"), Field(gt=0, le=1000)]
+Angle = Annotated[float, Written(ANGLE, "90 deg")]
+Width = Annotated[float, Written(ANGLE, "20 deg"), Field(gt=0)]
+AreaReduction = Annotated[float, Written(SHARE, "5 %"), Field(gt=-1, lt=1)]
+Modulus = Annotated[float, Written(STRESS, "1.5 GPa"), Field(gt=0)]
+
+
+class Bump(Strict):
+    r"""A Gaussian of the polar angle (0 lateral, 90 degrees anterior); positive presses inward.
+
+    .. math:: a \exp\left(-\tfrac12 \left(\frac{\mathrm{wrap}_{180}(\theta - \theta_0)}{w}\right)^2
+        \right)
+
+    Attributes
+    ----------
+    site : str
+        Where it presses, in words.
+    center, width : float
+        Its centre and its standard deviation w, degrees.
+    amplitude : float
+        Its height a, mm.
+    """
+
+    site: str = ""
+    center: Angle
+    width: Width
+    amplitude: Offset
+
+
+def bumps_at(bumps: tuple[Bump, ...], angle: Array) -> Array:
+    """Return the sum of Gaussian bumps, mm, at polar angles in degrees, shape (n,)."""
+    total = np.zeros_like(angle)
+    for bump in bumps:
+        turn = (angle - bump.center + 180.0) % 360.0 - 180.0
+        total += bump.amplitude * np.exp(-0.5 * (turn / bump.width) ** 2)
+    return total
+
+
+class Socket(Strict):
+    """A socket around a limb: an inner face, and a wall of one thickness outside it.
+
+    Attributes
+    ----------
+    name : str
+        What cases, tables and folders call it; in a study file that is the name of its table.
+    title : str
+        For people.
+    wall_thickness : float
+        From the inner face outward along its normal, mm.
+    modulus, poisson : float, optional
+        Young's modulus, MPa, and Poisson's ratio of the wall, in the place of the material set's.
+    """
+
+    name: str = "socket"
+    title: str = ""
+    wall_thickness: Wall = 4.5
+    modulus: Modulus | None = None
+    poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
+
+    _remedy: ClassVar[str]
+
+    @staticmethod
+    def reference(name: str) -> "AnySocket":
+        """Return a socket of the paper: ``"TC"``, ``"TSB"`` or ``"HS"``.
+
+        Raises
+        ------
+        InputError
+            For another name.
+        """
+        return _named(name, reference_sockets())
+
+    @staticmethod
+    def read(path: Path | str) -> "AnySocket":
+        """Read a socket from a TOML table or from an outline.
+
+        Parameters
+        ----------
+        path
+            A TOML file with what a study file has under ``[sockets.NAME]``, or an outline as CSV,
+            DXF or SVG (`from_outline`).
+
+        Raises
+        ------
+        InputError
+            When the file cannot be read or is wrong; names the file and the key.
+        """
+        path = Path(path)
+        if path.suffix.lower() != ".toml":
+            return Socket.from_outline(path)
+        content = read_toml(path)
+        with error_context(path):
+            table = resolved(content, reference_sockets(), lambda name: _points(path.parent / name))
+        return checked(path, table, RootModel[AnySocket]).root
+
+    @staticmethod
+    def from_outline(
+        path: Path | str,
+        shift: tuple[float, float] = (0.0, 0.0),
+        rotation: float = 0.0,
+        **wall: Any,
+    ) -> "Outline":
+        """Read the inner face of a socket from a CSV, DXF or SVG file (`outline.read_outline`).
+
+        Parameters
+        ----------
+        path
+            The file.
+        shift, rotation
+            The outline is turned about the origin, in degrees, and then shifted, in mm.
+        **wall
+            `title`, `wall_thickness`, `modulus` or `poisson`.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be read or holds no closed outline.
+        """
+        return Outline(points=_points(Path(path)), shift=shift, rotation=rotation, **wall)
+
+    def elasticity(self) -> dict[str, float]:
+        """Return what is the wall's own of E (MPa) and nu; empty where it is the material set's."""
+        numbers = {"e": self.modulus, "nu": self.poisson}
+        return {name: value for name, value in numbers.items() if value is not None}
+
+    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+        """Return the inner face for a limb of this skin outline."""
+        raise NotImplementedError
+
+    def faces(self, skin: ClosedCurve) -> tuple[ClosedCurve, ClosedCurve]:
+        """Return the inner and the outer face for a limb of this skin outline.
+
+        Raises
+        ------
+        InputError
+            When a face crosses itself, or the wall folds over where the inner face is hollow.
+        """
+        thickness = self.wall_thickness
+        inner = self.inner_face(skin)
+        _check_face(inner, "the inner face crosses itself", self._remedy)
+        _check_wall(inner, thickness)
+        outer = curves.offset(inner, lambda points: np.full(len(points), thickness))
+        _check_face(
+            outer,
+            f"the outer face crosses itself, for a wall of {thickness:g} mm does not fit,",
+            "make the wall thinner or the hollow there wider",
+        )
+        return inner, outer
+
+
+class NormalOffset(Socket):
+    """Inner face: the skin moved inward along its normal by base + bumps, mm."""
+
+    law: Literal["normal_offset"] = "normal_offset"
+    base: Offset
+    bumps: tuple[Bump, ...] = ()
+
+    _remedy: ClassVar[str] = "use smaller or wider bumps"
+
+    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+        """Return the skin moved inward."""
+        return curves.offset(
+            skin, lambda points: -(self.base + bumps_at(self.bumps, polar_angle(points)))
+        )
+
+
+class CircleBlend(Socket):
+    r"""Inner face: the skin blended with a circle, of a reduced area, minus bumps.
+
+    .. math:: \rho(\theta) = k b(\theta) - s(\theta),
+        \quad b = (1 - c)\, r(\theta) + c\, \bar r
+
+    with r the polar radius of the skin about the origin, its mean over the polar angle, c the
+    `roundness`, s the bumps, and k such that the area, half the integral of rho^2 over the angle,
+    is (1 - `area_reduction`) times the limb's. That is a quadratic equation in k.
+    """
+
+    law: Literal["circle_blend"] = "circle_blend"
+    area_reduction: AreaReduction
+    roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
+    bumps: tuple[Bump, ...] = ()
+
+    _remedy: ClassVar[str] = "use smaller or wider bumps"
+
+    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+        """Return the blend."""
+
+        def polar(t: Array) -> tuple[Array, Array]:
+            """Return the polar radius of the skin and the derivative of its polar angle."""
+            point, velocity = skin.evaluate(t), skin.evaluate(t, 1)
+            radius = np.linalg.norm(point, axis=-1)
+            turning = point[..., 0] * velocity[..., 1] - point[..., 1] * velocity[..., 0]
+            return radius, turning / radius**2
+
+        mean_radius = skin.integrate(lambda t: np.prod(polar(t), axis=0)) / (2 * np.pi)
+
+        def blend(t: Array) -> Array:
+            return (1 - self.roundness) * polar(t)[0] + self.roundness * mean_radius
+
+        def bumps(t: Array) -> Array:
+            return bumps_at(self.bumps, polar_angle(skin.evaluate(t)))
+
+        bb = skin.integrate(lambda t: blend(t) ** 2 * polar(t)[1]) / 2
+        bs = skin.integrate(lambda t: blend(t) * bumps(t) * polar(t)[1]) / 2
+        ss = skin.integrate(lambda t: bumps(t) ** 2 * polar(t)[1]) / 2
+        excess = ss - (1 - self.area_reduction) * skin.area
+        if bs**2 < bb * excess:
+            raise InputError(
+                f"no circle blend with these bumps has an area reduced by {self.area_reduction:g};"
+                " use smaller bumps"
+            )
+        k = (bs + np.sqrt(bs**2 - bb * excess)) / bb
+
+        def exact(t: Array) -> Array:
+            point = skin.evaluate(t)
+            radius = k * blend(t) - bumps(t)
+            return point * (radius / np.linalg.norm(point, axis=-1))[:, None]
+
+        return curves.interpolated(exact, skin.knots)
+
+
+class Outline(Socket):
+    """Inner face: a closed spline through points, moved: turned about the origin, then shifted."""
+
+    law: Literal["outline"] = "outline"
+    points: Points
+    shift: tuple[Shift, Shift] = (0.0, 0.0)
+    rotation: Angle = 0.0
+
+    _remedy: ClassVar[str] = "correct its points"
+
+    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+        """Return the spline; it is the same for every limb."""
+        turn = np.deg2rad(self.rotation)
+        rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        return curves.through(np.asarray(self.points) @ rotation + np.asarray(self.shift))
+
+
+AnySocket = Annotated[Union[NormalOffset, CircleBlend, Outline], Field(discriminator="law")]  # noqa: UP007
+
+
+def _check_face(face: ClosedCurve, what: str, remedy: str) -> None:
+    crossing = curves.crossing_of(face)
+    if crossing is not None:
+        raise InputError(f"{what} at {at(crossing)}; {remedy}")
+    if face.area <= 0:
+        raise InputError("a face runs clockwise; give its points counter-clockwise")
+
+
+def _check_wall(inner: ClosedCurve, thickness: float) -> None:
+    """Refuse a wall that folds over: where the face is hollow with a smaller radius."""
+    t = inner.sample(inner.perimeter / curves.CROSSING_POINTS)
+    # 1/mm, negative where the wall's material is squeezed together towards the outside.
+    curvature = inner.curvature(t)
+    worst = int(np.argmin(curvature))
+    if 1 + thickness * curvature[worst] <= 0:
+        raise InputError(
+            f"a wall of {thickness:g} mm folds over: the inner face is hollow with a radius of"
+            f" {-1 / curvature[worst]:.2g} mm at {at(inner.evaluate(t[worst]))}; make the wall"
+            " thinner or the hollow wider"
+        )
+
+
+# ----- files
+
+
+class Sockets(Strict):
+    """Sockets by name as a file has them, in mm and degrees; the other keys are for people."""
+
+    units: Literal["mm, deg"] = "mm, deg"
+    applies_to: str = ""
+    wall_rule: str = ""
+    laws: dict[str, str] = Field(default_factory=dict)
+    sockets: Annotated[dict[str, AnySocket], Field(min_length=1)]
+
+
+@cache
+def _reference() -> Sockets:
+    return read_json(Path(__file__).with_name("sockets.json"), Sockets)
+
+
+def reference_sockets() -> dict[str, AnySocket]:
+    """Return the sockets of the paper by name: TC, TSB and HS."""
+    sockets = _reference().sockets
+    return {name: each.model_copy(update={"name": name}) for name, each in sockets.items()}
+
+
+def _named(name: str, sockets: Mapping[str, AnySocket]) -> AnySocket:
+    if name not in sockets:
+        raise InputError(f"no socket '{name}'; {nearest(name, sockets)}")
+    return sockets[name]
+
+
+def _points(path: Path) -> Points:
+    from calfsocket.meshes.outline import read_outline  # with readers of drawings
+
+    return read_outline(path)
+
+
+_KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend": CircleBlend}
+"""Kinds whose numbers a table may give."""
+
+
+def resolved(
+    table: Any, reference: Mapping[str, AnySocket], outline: Callable[[str], Points]
+) -> Any:
+    """Return a socket's table as its class has it, its file read and its reference filled in.
+
+    Parameters
+    ----------
+    table
+        With one of the keys `law`, `outline` and `like`, as read from TOML.
+    reference : mapping
+        Sockets that others may be like.
+    outline : callable
+        Reads the points of an outline by the name of its file.
+
+    Raises
+    ------
+    InputError
+        When the table is none of the three, or changes what the socket it is like has not.
+    """
+    ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
+    if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
+        raise InputError(
+            "is not a socket; give one of law = 'normal_offset' or 'circle_blend', outline = a "
+            f"file, like = {', '.join(reference)}"
+        )
+    if ways == ["law"]:
+        return table
+    changed = dict(table)
+    source = changed.pop(ways[0])
+    if not isinstance(source, str):
+        raise InputError(f"{ways[0]}: is {source!r}; it must be text in quotes")
+    if ways == ["outline"]:
+        return {"law": "outline", "points": outline(source)} | changed
+    with error_context("like"):
+        like = _named(source, reference)
+    fields = {name for kind in _KINDS.values() for name in kind.model_fields}
+    for key in changed:
+        if key in fields - set(type(like).model_fields):
+            raise InputError(f"{source} is a socket of the law {like.law}, which has no {key}")
+    return _as_table(like) | changed
+
+
+def _as_table(socket: AnySocket) -> dict[str, Any]:
+    """Write a socket as a table has it, its quantities with units."""
+    table = {}
+    for name, field in type(socket).model_fields.items():
+        value = getattr(socket, name)
+        written = next((each for each in field.metadata if isinstance(each, Written)), None)
+        if value is not None:
+            table[name] = written.text(value) if written else value
+    return table
+
+
+class _Table:
+    """Annotation of a socket that a file has as a table (`resolved`): how editors check it."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        kinds = [handler.resolve_ref_schema(kind) for kind in handler(schema)["oneOf"]]
+        for kind in kinds:
+            del kind["properties"]["name"]  # that of its table
+            for field in kind["properties"].values():
+                field.pop("default", None)  # a number without a unit
+        offset, blend, outline = (dict(kind["properties"]) for kind in kinds)
+        required = [["law", *kind["required"]] for kind in kinds[:2]]
+        like = {"like": {"enum": list(reference_sockets())}, **offset, **blend}
+        like.pop("law")
+        outline["outline"] = {"type": "string", "minLength": 1, "description": "name of a file"}
+        del outline["law"], outline["points"]
+        tables = zip(
+            (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
+        )
+        shared = {"type": "object", "additionalProperties": False}
+        return {"anyOf": [{**shared, "properties": own, "required": keys} for own, keys in tables]}
+
+
+SocketTable = Annotated[AnySocket, _Table()]
+"""A socket in the place of which a file may have any table that `resolved` accepts."""
