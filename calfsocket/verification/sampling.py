@@ -46,9 +46,7 @@ class Points:
     region: NDArray[np.int32]
 
 
-def at_points(
-    section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8
-) -> Points:
+def at_points(section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8) -> Points:
     """Evaluate mixed unknowns at the points of a quadrature rule of some degree, on one rank."""
     domain = section.mesh
     points, weights = map(np.asarray, basix.make_quadrature(basix.CellType.triangle, degree))
