@@ -139,6 +139,6 @@ def test_the_study_takes_material_files_by_name(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "solve", solve)
     words = ["--material", f"fascia={fascia}", "--material", f"combined={shared}"]
     assert main([*words, "--sockets", "TC", "--out", str(tmp_path / "out")]) == 0
-    separate, combined = (case.materials for case in asked[0].cases)
-    assert separate.laws["fascia"] == Yeoh(c10=1.25, c20=2.0)
-    assert combined.laws["combined"].alpha == (9.0, -3.0)
+    sets = {case.of[1]: case.materials for case in asked[0].cases}
+    assert sets["separate"].laws["fascia"] == Yeoh(c10=1.25, c20=2.0)
+    assert sets["combined"].laws["combined"].alpha == (9.0, -3.0)
