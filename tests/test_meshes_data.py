@@ -308,7 +308,7 @@ def test_a_socket_is_read_from_a_table(tmp_path: Path) -> None:
     path.write_text('like = "HS"\narea_reduction = "3 %"\nmodulus = "2 GPa"\n')
     own = Socket.read(path)
     assert own == Socket.reference("HS").model_copy(
-        update={"area_reduction": 0.03, "modulus": 2000.0}
+        update={"name": "own", "area_reduction": 0.03, "modulus": 2000.0}
     )
     assert own.elasticity() == {"e": 2000.0} and Socket.reference("HS").elasticity() == {}
     path.write_text('law = "normal_offset"\nbase = 1.0\n')
