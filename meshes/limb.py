@@ -171,14 +171,16 @@ class Limb(Strict):
             counts = Counter(getattr(region, key) for region in self.regions)
             for value in (value for value, count in counts.items() if count > 1):
                 yield f"regions: {key} {value} is used by two regions; make each unique"
-        owner: dict[str, str] = {}
-        hole_of: dict[str, str] = {}
         for region in self.regions:
             place = f"regions.{region.name}"
             if region.id >= tags.SOCKET_ID:
                 yield f"{place}.id: {region.id} is reserved; choose one below {tags.SOCKET_ID}"
             if region.name == tags.SOCKET:
                 yield f"{place}.name: reserved for the socket itself; choose another"
+        owner: dict[str, str] = {}
+        hole_of: dict[str, str] = {}
+        for region in self.regions:
+            place = f"regions.{region.name}"
             for loop in region.loops:
                 if loop not in self.curves:
                     yield f"{place}: no curve '{loop}'; {nearest(loop, self.curves)}"

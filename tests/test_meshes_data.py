@@ -105,7 +105,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "unknown curve type": (
         lambda c: c["curves"]["fibular_vein"].update(type="circle"),
-        "curves.fibular_vein: 'type' is 'circle'; it must be one of 'spline'",
+        "curves.fibular_vein: type is 'circle'; it must be one of 'spline'",
     ),
     "negative semi-axis": (
         lambda c: c["curves"]["fibular_vein"].update(semi_axes=[1.0, -1.0]),
@@ -227,7 +227,7 @@ def test_a_wrong_limb_is_refused_in_one_line(tmp_path: Path, change: Change, exp
 SOCKET_ERRORS: dict[str, tuple[Change, str]] = {
     "unknown law": (
         lambda c: c["sockets"]["TC"].update(law="offset"),
-        "sockets.TC: 'law' is 'offset'; it must be one of 'normal_offset'",
+        "sockets.TC: law is 'offset'; it must be one of 'normal_offset'",
     ),
     "another law's parameter": (
         lambda c: c["sockets"]["TC"].update(roundness=0.1),
