@@ -24,6 +24,7 @@ extensions = [
 exclude_patterns = ["_build", "_generated"]
 templates_path = ["_templates"]
 nitpicky = True
+default_role = "code"
 
 html_theme = "furo"
 html_title = f"calfsocket {release}"
@@ -42,6 +43,7 @@ nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_merge_streams = True
+nb_output_stderr = "remove"  # progress
 
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"

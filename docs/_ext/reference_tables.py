@@ -19,11 +19,12 @@ Schema = dict[str, Any]
 
 def main(_app: Sphinx) -> None:
     """Write the tables before the pages are read."""
-    from calfsocket.simulation.record import CaseRecord, Checks
+    from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord
     from calfsocket.study.document import Document
 
     pages = {
         "study.md": "\n".join(sections(Document.model_json_schema())),
+        "study_record.md": attributes_table(StudyRecord),
         "case_record.md": attributes_table(CaseRecord),
         "checks.md": attributes_table(Checks),
     }
