@@ -56,7 +56,7 @@ def compound_specimen(comm: MPI.Comm, compound: Compound, size: MeshSize) -> Spe
 
 
 def limb_specimen(comm: MPI.Comm, limb: Limb, size: MeshSize) -> Specimen:
-    """Mesh a limb, pressed from behind while its tibia is held (collective)."""
+    """Mesh a limb, pressed from behind while its tibia is constrained (collective)."""
     return Specimen(
         "limb",
         plated_limb_mesh(comm, limb, LIMB_PLATE, size),
