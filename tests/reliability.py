@@ -26,11 +26,11 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "reliability.md"
 SUBJECTS = ("test_bad_input", "test_bad_outlines", "test_faults", "test_mpi_faults")
 
 HEADER = """\
-# What was tried against it
+# Reliability
 
-Bad input gives one line that names the file, the key, what is allowed or what to do; exit code 2;
-nothing is written. Faults while running lose nothing that was finished. Every row below is a test;
-`python3 tests/reliability.py` makes this page from them.
+Bad input gives one line that names the file and the key and says what is allowed or what to do; the
+exit code is 2, and nothing is written. Faults during a run lose nothing that was finished. Every
+row below is a test; `python3 tests/reliability.py` makes this page from them.
 """
 
 
@@ -82,7 +82,14 @@ def _subjects() -> list[ModuleType]:
 
 
 def _part(subject: ModuleType, line_of: Callable[[ModuleType, Trial], str]) -> str:
-    lines = [f"## {subject.TITLE}", "", subject.INTRO, "", "| tried | what it gave |", "|---|---|"]
+    lines = [
+        f"## {subject.TITLE}",
+        "",
+        subject.INTRO,
+        "",
+        "| input or fault | result |",
+        "|---|---|",
+    ]
     lines += [
         row(trial, "" if trial.gives else line_of(subject, trial)) for trial in subject.TRIALS
     ]

@@ -13,6 +13,7 @@ from test_faults import entries
 from tiny_study import Fault, tiny_study
 
 RESIDUAL = "calfsocket.mechanics.problem:Problem.residual"
+CONSTRAINTS = "calfsocket.mechanics.problem:constrained_unknowns"
 TANGENT = "calfsocket.mechanics.problem:Problem.tangent"
 
 TITLE = "Faults of one rank among several"
@@ -45,9 +46,9 @@ CASES = (
     ends("compiling, first rank", "calfsocket.simulation.precompile:_use_all_forms", (0,)),
     agrees("mesh, first rank", "calfsocket.meshes.section:build", (0,)),
     ends("mesh, second rank", "calfsocket.meshes.distributed:SectionMesh", (1,)),
-    ends("set-up, first rank", "calfsocket.mechanics.problem:Problem._skin_law", (0,)),
-    ends("set-up, second rank", "calfsocket.mechanics.problem:Problem._skin_law", (1,)),
-    ends("input refused by the second rank alone", "calfsocket.mechanics.problem:Problem._fix", (1,),
+    ends("set-up, first rank", "calfsocket.contact.interface:surface_material", (0,)),
+    ends("set-up, second rank", "calfsocket.contact.interface:surface_material", (1,)),
+    ends("input refused by the second rank alone", CONSTRAINTS, (1,),
          error="InputError"),
     ends("residual, first rank", RESIDUAL, (0,), 12),
     ends("residual, second rank", RESIDUAL, (1,), 12, slow=False),

@@ -202,8 +202,7 @@ def report() -> Section:
             curves(
                 "patch_scatter",
                 "Scatter of a pressure that is uniform.",
-                "element side of the limb, mm",
-                "scatter of pressure / mean",
+                ("element side of the limb, mm", "scatter of pressure / mean"),
                 lines,
                 **LOG,
             )

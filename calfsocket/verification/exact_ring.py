@@ -47,7 +47,7 @@ OVERCLOSURE = 0.92
 """mm; 5.3 % of the limb's area, as much as the tightest socket of the study takes off. No quarter
 of it is within 5 % of an overclosure at which another wave becomes unstable."""
 
-MATERIALS: tuple[MaterialSet, ...] = ("separate", "combined")
+MATERIALS: tuple[BaseSet, ...] = ("separate", "combined")
 STEPS = 4
 WAVES = range(41)
 
@@ -302,24 +302,21 @@ def report() -> Section:
             curves(
                 "ring_convergence",
                 "Contact pressure against the exact one.",
-                "element side, mm",
-                "relative error of contact pressure",
+                ("element side, mm", "relative error of contact pressure"),
                 convergence,
                 **LOG,
             ),
             curves(
                 "ring_stress",
                 "The exact solution at full overclosure.",
-                "radius, mm",
-                "Cauchy stress, kPa",
+                ("radius, mm", "Cauchy stress, kPa"),
                 _stress_lines({name: last[name, SIZES[-1]].exact for name in MATERIALS}),
                 yscale="symlog",
             ),
             curves(
                 "ring_modes",
                 "Unstable modes: exact (line), finite elements (points).",
-                "overclosure, mm",
-                "unstable modes, Separate set",
+                ("overclosure, mm", "unstable modes, Separate set"),
                 _mode_lines(cases["separate", SIZES[-1]]),
             ),
         ],

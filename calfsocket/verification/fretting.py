@@ -148,56 +148,55 @@ def locked_shear(state: Pressed, largest: float, x: FloatArray, length: FloatArr
 
 @dataclass(frozen=True)
 class Loop:
-    """What a loop without sliding is measured by.
+    """A loop without sliding: from 0 to Q1, to -Q1, and to Q1 again.
 
     Attributes
     ----------
     push : Push
-        From 0 to Q1, to -Q1, and to Q1 again.
-    largest : float
-        Q1 where the loop begins, N/mm.
-    work_error : float
-        Relative error of friction's work in the loop.
-    closing_error : float
-        Q at the end over Q1, less 1.
-    shear_error : float
-        Root mean square of shear minus Mindlin's, over mu p0, the largest of all steps on the way
-        from Q1 to -Q1.
-    top, locked : int
-        Step at which the loop begins, and step at which Q is next closest to 0.
+        All of it.
+    top, low, end : int
+        Steps at which the loop begins, turns, and closes.
     """
 
     push: Push
-    largest: float
-    work_error: float
-    closing_error: float
-    shear_error: float
     top: int
-    locked: int
+    low: int
+    end: int
+
+    @property
+    def largest(self) -> float:
+        """Q1 where the loop begins, N/mm."""
+        return float(self.push.tangential[self.top])
+
+    @property
+    def locked(self) -> int:
+        """Step on the way from Q1 to -Q1 at which Q is closest to 0."""
+        way = self.push.tangential[self.top : self.low + 1]
+        return self.top + int(np.argmin(np.abs(way)))
+
+    def checks(self, bar: float = 0.02) -> list[Check]:
+        """Check work, closing, and the largest error of shear of all steps from Q1 to -Q1."""
+        pushed, line, top, end = self.push, self.push.line, self.top, self.end
+        force = float(pushed.force[top : end + 1].mean())
+        work = float(pushed.work[top + 1 : end + 1].sum())
+        scale = line.friction * line.peak_of(force)
+        errors = []
+        for state in pushed.states[top : self.low + 1]:
+            difference = state.shear - locked_shear(state, self.largest, state.x, state.weight)
+            errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
+        work_error = work / loop_work(line, force, self.largest) - 1.0
+        closing = float(pushed.tangential[end] / self.largest) - 1.0
+        return [
+            Check("loop without sliding: work of friction", work_error, bar, MINDLIN),
+            Check("loop without sliding: it closes", closing, 1e-3, "Masing"),
+            Check("shear on the way back, over mu p0", max(errors), bar, MINDLIN),
+        ]
 
 
 def partial_loop(line: Line, share: float = SHARE, steps: int = 4) -> Loop:
     """Push to and fro by the way that gives about Q1 = `share` mu P, in so many steps a quarter."""
     pushed = push(line, [share, -share, share], share / steps)
-    Q = pushed.tangential
-    top, low, end = steps, 3 * steps, 5 * steps
-    force = float(pushed.force[top : end + 1].mean())
-    work = float(pushed.work[top + 1 : end + 1].sum())
-    scale = line.friction * line.peak_of(force)
-    errors = []
-    for i in range(top, low + 1):
-        state = pushed.states[i]
-        difference = state.shear - locked_shear(state, float(Q[top]), state.x, state.weight)
-        errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
-    return Loop(
-        push=pushed,
-        largest=float(Q[top]),
-        work_error=work / loop_work(line, force, float(Q[top])) - 1.0,
-        closing_error=float(Q[end] / Q[top]) - 1.0,
-        shear_error=max(errors),
-        top=top,
-        locked=top + int(np.argmin(np.abs(Q[top : low + 1]))),
-    )
+    return Loop(pushed, steps, 3 * steps, 5 * steps)
 
 
 def sliding(line: Line, step: float = 0.5) -> Push:
@@ -251,9 +250,7 @@ def report() -> Section:
         title="Friction: a body pushed to and fro",
         text=__doc__ or "",
         checks=[
-            Check("loop without sliding: work of friction", partial.work_error, 0.02, MINDLIN),
-            Check("loop without sliding: it closes", partial.closing_error, 1e-3, "Masing"),
-            Check("shear on the way back, over mu p0", partial.shear_error, 0.02, MINDLIN),
+            *partial.checks(),
             Check("sliding: Q over mu P, less 1", sliding_error(slid), 2e-3, "Coulomb"),
             Check("work of friction, negative part", least, 1e-2, "second law"),
         ],
@@ -261,15 +258,13 @@ def report() -> Section:
             curves(
                 "fretting_loop",
                 "Tangential force of two loops, and theory with C of the smaller.",
-                "way of the core / (mu approach)",
-                "Q / (mu P)",
+                ("way of the core / (mu approach)", "Q / (mu P)"),
                 _loop_lines(partial, slid),
             ),
             curves(
                 "fretting_shear",
                 "Shear traction at the turn and back at Q = 0, and theory.",
-                "x / a",
-                "q / (mu p0)",
+                ("x / a", "q / (mu p0)"),
                 _locked_lines(partial),
                 xlim=(-1.5, 1.5),
             ),

@@ -183,63 +183,41 @@ class Pressed:
     stick_half_width: float
 
     @property
-    def half_width_error(self) -> float:
-        """Relative error of the half-width."""
-        return self.half_width / self.line.half_width_of(self.force) - 1.0
-
-    @property
-    def peak_error(self) -> float:
-        """Relative error of the peak pressure."""
-        return self.peak / self.line.peak_of(self.force) - 1.0
-
-    @property
-    def force_error(self) -> float:
-        """Relative error of the force that Hertz gives for the measured half-width."""
-        line = self.line
-        theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
-        return theory / self.force - 1.0
-
-    @property
-    def profile_error(self) -> float:
-        """Root mean square of pressure minus Hertz's, over that of Hertz's."""
-        exact = self.exact_pressure(self.x, self.weight)
-        return deviation(self.pressure, exact, self.weight)
-
-    @property
     def stick_ratio(self) -> float:
         """Exact c/a for the measured forces."""
         return math.sqrt(1.0 - abs(self.tangential) / (self.line.friction * self.force))
-
-    @property
-    def stick_error(self) -> float:
-        """Relative error of the stick zone's half-width c, from the shear traction.
-
-        The second moment of Cattaneo's traction is mu times that of the pressure times
-        1 - (c/a)^4; the exact c comes from the forces.
-        """
-        normal, tangential = self.moments
-        share = tangential / (self.line.friction * normal)
-        return (1.0 - share) ** 0.25 / self.stick_ratio - 1.0
-
-    @property
-    def stick_points_error(self) -> float:
-        """Relative error of the length of the points that stick."""
-        return self.stick_half_width / (self.stick_ratio * self.exact_half_width) - 1.0
-
-    @property
-    def shear_error(self) -> float:
-        """Root mean square of shear minus Cattaneo's, over that of Cattaneo's."""
-        return deviation(self.shear, self.exact_shear(self.x, self.weight), self.weight)
 
     @property
     def exact_half_width(self) -> float:
         """Hertz's a of the measured force, mm."""
         return self.line.half_width_of(self.force)
 
-    def exact_pressure(self, x: FloatArray, length: FloatArray) -> FloatArray:
-        """Hertz's pressure for the measured force, mean over edges about x, MPa."""
-        a = self.exact_half_width
-        return self.line.peak_of(self.force) * root_mean(x / a, length / a)
+    def hertz_errors(self) -> dict[str, float]:
+        """Relative errors of the pressed disc by what they are of; that of a profile is its rms."""
+        line, force = self.line, self.force
+        theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
+        a, p0 = self.exact_half_width, line.peak_of(force)
+        exact = p0 * root_mean(self.x / a, self.weight / a)
+        return {
+            "force of the measured half-width": theory / force - 1.0,
+            "half-width": self.half_width / a - 1.0,
+            "peak pressure": self.peak / p0 - 1.0,
+            "pressure profile": deviation(self.pressure, exact, self.weight),
+        }
+
+    def slip_errors(self) -> dict[str, float]:
+        """Relative errors of the pulled disc.
+
+        The second moment of Cattaneo's traction is mu times that of the pressure times
+        1 - (c/a)^4, which gives a measured c; the exact one comes from the forces.
+        """
+        normal, tangential = self.moments
+        share = tangential / (self.line.friction * normal)
+        exact = self.exact_shear(self.x, self.weight)
+        return {
+            "stick half-width": (1.0 - share) ** 0.25 / self.stick_ratio - 1.0,
+            "shear profile": deviation(self.shear, exact, self.weight),
+        }
 
     def exact_shear(self, x: FloatArray, length: FloatArray) -> FloatArray:
         """Cattaneo's traction on the skin for the measured forces, mean over edges about x, MPa."""
@@ -344,30 +322,27 @@ def _shear_lines(partial: Pressed) -> list[Curve]:
 
 def report() -> Section:
     """Hertz on a flat and in a bore, and partial slip: minutes."""
-    flat = [press(Line(divisions=n)) for n in DIVISIONS]
-    bore = [press(replace(BORE, divisions=n)) for n in DIVISIONS]
+    presses = {
+        name: [press(replace(line, divisions=n)) for n in DIVISIONS]
+        for name, line in (("on a flat", Line()), ("in a bore", BORE))
+    }
     partial = press_and_pull(PARTIAL_SLIP, SHARE, STEPS)
+    errors = {name: [p.hertz_errors() for p in pressed] for name, pressed in presses.items()}
     checks = [
-        Check(f"disc {name}: {what}", value, 0.01, JOHNSON)
-        for name, finest in (("on a flat", flat[-1]), ("in a bore", bore[-1]))
-        for what, value in (
-            ("force of the measured half-width", finest.force_error),
-            ("half-width", finest.half_width_error),
-            ("peak pressure", finest.peak_error),
-            ("pressure profile", finest.profile_error),
-        )
+        Check(f"disc {name}: {what}", error, 0.01, JOHNSON)
+        for name, by_size in errors.items()
+        for what, error in by_size[-1].items()
     ]
     checks += [
-        Check("partial slip: stick half-width", partial.stick_error, 0.02, CATTANEO),
-        Check("partial slip: shear profile", partial.shear_error, 0.02, CATTANEO),
+        Check(f"partial slip: {what}", error, 0.02, CATTANEO)
+        for what, error in partial.slip_errors().items()
     ]
-    errors: list[Curve] = [
-        (DIVISIONS, np.abs([getattr(r, f"{what}_error") for r in results]), f"o{style}C{k}", label)
-        for name, results, style in (("flat", flat, "-"), ("bore", bore, "--"))
-        for k, what in enumerate(("half_width", "peak", "profile"))
-        for label in [f"{what.replace('_', '-')}, {name}"]
+    convergence: list[Curve] = [
+        (DIVISIONS, [abs(e[what]) for e in by_size], f"o{style}C{k}", f"{what}, {name}")
+        for (name, by_size), style in zip(errors.items(), ("-", "--"), strict=True)
+        for k, what in enumerate(("half-width", "peak pressure", "pressure profile"))
     ]
-    sizes = "element sides in a half-width"
+    flat, bore = (pressed[-1] for pressed in presses.values())
     return Section(
         title="Hertz and partial slip",
         text=__doc__ or "",
@@ -376,24 +351,21 @@ def report() -> Section:
             curves(
                 "hertz_pressure",
                 "Contact pressure and Hertz's.",
-                "x / a",
-                "p / p0",
-                _pressure_lines(flat[-1], bore[-1]),
+                ("x / a", "p / p0"),
+                _pressure_lines(flat, bore),
                 xlim=(-1.5, 1.5),
             ),
             curves(
                 "hertz_convergence",
                 "Errors against Hertz with the element size.",
-                sizes,
-                "relative error",
-                errors,
+                ("element sides in a half-width", "relative error"),
+                convergence,
                 **LOG,
             ),
             curves(
                 "partial_slip",
                 "Shear traction under a tangential force below slip.",
-                "x / a",
-                "q / (mu p0)",
+                ("x / a", "q / (mu p0)"),
                 _shear_lines(partial),
                 xlim=(-1.5, 1.5),
             ),

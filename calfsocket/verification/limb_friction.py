@@ -329,8 +329,7 @@ def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
         curves(
             f"{name}_{what}",
             f"{socket}: {caption}",
-            along,
-            label,
+            (along, label),
             [(made[path].line.arc_mm, values, "-", path) for path, values in by_path.items()],
         )
         for what, caption, label, by_path in (
@@ -348,9 +347,9 @@ def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
         (end.history.mean_pressure, end.history.shear_ratio, ".-", path)
         for path, end in rough.items()
     ]
-    x, y = "mean contact pressure, kPa", "mean |shear| / mean pressure"
+    labels = "mean contact pressure, kPa", "mean |shear| / mean pressure"
     caption = f"{socket}: shear as the pressure rises."
-    return [*figures, curves(f"{name}_rise", caption, x, y, rise)]
+    return [*figures, curves(f"{name}_rise", caption, labels, rise)]
 
 
 def _mean_along(line: ContactLine, values: FloatArray) -> FloatArray:

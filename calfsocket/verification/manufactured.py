@@ -234,4 +234,4 @@ def figure(convergences: Mapping[str, Convergence]) -> Figure:
         for k, norm in enumerate(RATES)
     ]
     caption = "Manufactured solutions on curved triangles."
-    return curves("element_rates", caption, "element size, mm", "relative error", lines, **LOG)
+    return curves("element_rates", caption, ("element size, mm", "relative error"), lines, **LOG)

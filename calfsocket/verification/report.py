@@ -74,7 +74,7 @@ Curve = tuple[Any, Any, str, str | None]
 
 
 def curves(
-    name: str, caption: str, x: str, y: str, lines: Sequence[Curve], **settings: Any
+    name: str, caption: str, labels: tuple[str, str], lines: Sequence[Curve], **settings: Any
 ) -> Figure:
     """Make a figure of curves.
 
@@ -82,8 +82,8 @@ def curves(
     ----------
     name, caption : str
         As of `Figure`.
-    x, y : str
-        Labels of the axes.
+    labels : (str, str)
+        Of the axes.
     lines : sequence of Curve
         The curves, in order.
     **settings
@@ -93,7 +93,7 @@ def curves(
     def draw(axes: Axes) -> None:
         for at, values, style, label in lines:
             axes.plot(at, values, style, label=label, lw=1.2, ms=4)
-        axes.set(xlabel=x, ylabel=y, **settings)
+        axes.set(xlabel=labels[0], ylabel=labels[1], **settings)
         if any(label for *_, label in lines):
             axes.legend(fontsize="small")
 

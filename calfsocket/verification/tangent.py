@@ -326,8 +326,7 @@ def report() -> Section:
             curves(
                 "newton_order",
                 "One iteration from three distances of an equilibrium.",
-                "|F| before the iteration, N/mm",
-                "|F| after it, N/mm",
+                ("|F| before the iteration, N/mm", "|F| after it, N/mm"),
                 lines,
                 **LOG,
             )
