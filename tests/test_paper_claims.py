@@ -117,8 +117,14 @@ def test_rules(rule, value, expected, agrees):
 
 
 def test_facts_in_words():
-    found = {"value": 3.14159, "each": {"TC": -5.04, "HS": 134.2}, "wrong": ["a", "b"], "no": [],
-             "in": {"TC": {"x": 1.0}, "HS": {"x": 2.0}}, "force": np.array([0.5, 0.25])}  # fmt: skip
+    found = {
+        "value": 3.14159,
+        "each": {"TC": -5.04, "HS": 134.2},
+        "wrong": ["a", "b"],
+        "no": [],
+        "in": {"TC": {"x": 1.0}, "HS": {"x": 2.0}},
+        "force": np.array([0.5, 0.25]),
+    }
     text = in_words(
         "{value:n} mm; {each:c %}; {wrong}; {no}; {in:n}; {force:r} N; {value:.1f}", found
     )
