@@ -33,7 +33,7 @@ class Piece:
     Attributes
     ----------
     place : str
-        Where it stands in the file, e.g. "LINE 2F".
+        Its place in the file, e.g. "LINE 2F".
     points : (n, 2)
         In mm, its ends included: the vertices of straight lines, or points close together.
     curved : bool
@@ -46,7 +46,7 @@ class Piece:
 
     @property
     def places(self) -> list[str]:
-        """Where each point stands."""
+        """Place of each point."""
         if self.curved or len(self.points) == 2:
             return [self.place] * len(self.points)
         return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
@@ -78,7 +78,7 @@ class Drawn:
     points : (n, 2)
         In mm, in the order of the file.
     places : sequence of str
-        Where in the file each point stands, e.g. "line 12".
+        Place of each point in the file, e.g. "line 12".
     unit : str
         What the file says of its unit, for errors.
     """

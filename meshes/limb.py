@@ -171,7 +171,7 @@ class Limb(Strict):
             values = [getattr(region, key) for region in self.regions]
             for value in values:
                 if values.count(value) > 1:
-                    yield f"regions: {key} {value} stands for two regions; make each unique"
+                    yield f"regions: {key} {value} is used by two regions; make each unique"
         for region in self.regions:
             if region.id >= tags.SOCKET_ID:
                 yield (
@@ -196,7 +196,7 @@ class Limb(Strict):
             for other in (*region.adjacent, *region.across_fascia):
                 if other not in names:
                     yield f"{place}: no region '{other}'; {nearest(other, names)}"
-        # What lies in a hole is another region, or nothing where the limb is held.
+        # A hole is filled by another region, or by nothing where the limb is constrained.
         empty = [hole for hole in hole_of if hole not in owner]
         if empty != [self.fixed_boundary]:
             yield (
@@ -271,7 +271,7 @@ def _check_nesting(limb: Limb) -> None:
             )
 
     def inside(name: str, other: str) -> bool:
-        # Curves that do not touch lie inside one another wholly or not at all: one point tells.
+        # Curves that do not touch lie inside one another wholly or not at all: one point decides.
         return bool(shapely.contains_xy(bodies[other], *samples[name][0]))
 
     for region in limb.regions:

@@ -13,7 +13,7 @@ from calfsocket.meshes.outline_csv import read_csv
 from calfsocket.meshes.outline_dxf import read_dxf
 from calfsocket.meshes.outline_svg import read_svg
 
-#: Readers by the ending of the file's name.
+#: Readers by the extension of the file's name.
 READERS = {".csv": read_csv, ".dxf": read_dxf, ".svg": read_svg}
 #: Points up to this number are taken as they are. Meshing takes 1.3 s with 400, 1.7 s with 1000.
 MANY_POINTS = 1000
@@ -52,7 +52,7 @@ def read_outline(path: Path | str) -> tuple[Point, ...]:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(
-            f"{path}: {path.suffix or 'no ending'} is not an outline format; export it as one of"
+            f"{path}: {path.suffix or 'no extension'} is not an outline format; export it as one of"
             f" {', '.join(READERS)}"
         )
     drawn = reader(path)

@@ -19,7 +19,7 @@ from calfsocket.meshes.curves import Array
 from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
-#: What draws nothing where it stands.
+#: Elements that draw nothing.
 _SILENT = ("defs", "title", "desc", "metadata", "style", "clipPath", "mask", "marker", "symbol")
 _SVG = "{http://www.w3.org/2000/svg}"
 _MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "px": 25.4 / 96}
@@ -29,7 +29,7 @@ _TRANSFORM = re.compile(
     rf"(?:[\s,]*(?:matrix|translate|scale|rotate|skewX|skewY)\s*\((?:[\s,]*{_NUMBER})+\s*\))*\s*"
 )
 _PATH = re.compile(r"[MmZzLlHhVvCcSsQqTtAaeE0-9+\-.,\s]*")
-#: Points from which the length of a curved segment is told.
+#: Points from which the length of a curved segment is estimated.
 _FIRST_LOOK = 33
 
 

@@ -118,7 +118,7 @@ def _placement(socket: Socket, limb: Limb) -> Placement:
 def _distance(points: Array, polygon: Array) -> Array:
     """Return the distance of points from a closed polygon, shape (n,)."""
     edges = shapely.linestrings(np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1))
-    nearest = shapely.STRtree(edges).query_nearest(
+    nearest = shapely.STRtree(np.asarray(edges)).query_nearest(
         shapely.points(points), return_distance=True, all_matches=False
     )
     return np.asarray(nearest[1])

@@ -58,7 +58,7 @@ class MeshSize:
         return replace(self, triangles=None, **lengths)
 
     def for_triangles(self, count: Callable[["MeshSize"], int]) -> "MeshSize":
-        """Return the final size; `count` tells how many triangles a mesh of a size has.
+        """Return the final size; `count` returns how many triangles a mesh of a size has.
 
         A field that is scaled by a factor f has about 1/f^2 as many triangles, fewer where the
         outlines ask for small ones anyway. Trial meshes, the first one coarse, end within

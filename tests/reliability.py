@@ -29,8 +29,8 @@ HEADER = """\
 # Reliability
 
 Bad input gives one line that names the file and the key and says what is allowed or what to do; the
-exit code is 2, and nothing is written. Faults during a run lose nothing that was finished. Every row
-below is a test; `python3 tests/reliability.py` makes this page from them.
+exit code is 2, and nothing is written. Faults during a run lose nothing that was finished. Every
+row below is a test; `python3 tests/reliability.py` makes this page from them.
 """
 
 

@@ -174,7 +174,7 @@ def study_record(records: Iterable[CaseRecord], model: ModelTable | None = None)
         limb=Limb.reference(),
         sockets=reference_sockets(),
         laws={each.name: each.tissue_laws() for each in sets},
-        inputs={},
+        inputs=dict.fromkeys(map("_".join, ALL), ""),
         finished=True,
         cases={record.name: record for record in records},
     )

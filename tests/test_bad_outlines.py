@@ -84,7 +84,7 @@ TRIALS = (
     Trial("a pipe that nobody writes to", ("pipe.csv", os.mkfifo), ("is no file",)),
     Trial("a file of 11 MB", ("large.csv", sparse), ("has 11 MB; at most 10 MB",)),
     Trial("a spreadsheet", ("a.xlsx", "x"), (".xlsx is not an outline format", ".csv, .dxf, .svg")),
-    Trial("no ending", ("outline", "x"), ("no ending is not an outline format",)),
+    Trial("no extension", ("outline", "x"), ("no extension is not an outline format",)),
     Trial("an empty CSV", ("a.csv", ""), ("is empty; give a row `x, y`",)),
     Trial("a CSV of comments", ("a.csv", "# x, y\n\n"), ("is empty",)),
     Trial("a picture called CSV", ("a.csv", b"\x89PNG\r\n\x1a\n\0\0"), ("is not UTF-8 text",)),

@@ -289,7 +289,7 @@ def test_far_off_starts_find_the_same_minimum_on_the_default_compound():
 def test_curves_are_the_same_on_several_ranks(mpirun):
     program = (
         "import numpy as np; from mpi4py import MPI; from calfsocket import compilation;"
-        "compilation.warm(MPI.COMM_WORLD);"
+        "precompile(MPI.COMM_WORLD);"
         "from calfsocket.calibration.indentation import Indentation;"
         "from calfsocket.calibration.specimen import compound_specimen;"
         "from calfsocket.contact.parameters import Contact;"

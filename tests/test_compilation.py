@@ -9,6 +9,8 @@ from mpi4py import MPI
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.kernels import library
+from calfsocket.contact.parameters import Contact
+from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.simulation import precompile as compilation
@@ -33,7 +35,7 @@ def test_each_kind_of_law_is_compiled_once(monkeypatch, tmp_path):
     monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", {})
     two = Ogden(mu=(1.0, 2.0), alpha=(3.0, -4.0), d1=0.0)
     paper = MaterialSet.paper("separate")
-    compilation.warm(MPI.COMM_SELF, [paper, paper.replace(skin=two), paper])
+    compilation.precompile(MPI.COMM_SELF, [paper, paper.replace(skin=two), paper])
     # Once a kind of law at the skin's surface, each with all kinds within.
     assert [law.name for law, *_ in compiled] == ["ogden", "ogden"]
     assert [len(law.mu) for law, *_ in compiled] == [1, 2]
@@ -65,7 +67,7 @@ def test_only_what_a_dead_process_left_half_compiled_is_thrown_away(
     with (tmp_path / ".users").open("a") as other:
         if another_lives:
             fcntl.flock(other, fcntl.LOCK_SH)
-        compilation.warm(MPI.COMM_SELF)
+        compilation.precompile(MPI.COMM_SELF)
         assert (tmp_path / "half.c").exists() == another_lives
         assert (tmp_path / "whole.c").exists() and (tmp_path / "whole.c.cached").exists()
         assert not (tmp_path / "marker.c.cached").exists()

@@ -66,7 +66,7 @@ def test_compression_may_run_downwards_and_repeat_a_stretch(tmp_path):
         (f"stretch; stress [kPa]\n{GOOD}", ["'stretch; stress [kPa]'", "NAME [UNIT]"]),
         (f"strech, stress [kPa]\n{GOOD}", ["'strech' is unknown", "did you mean 'stretch'"]),
         (f"stretch, stress (kPa)\n{GOOD}", ["'stress (kPa)'", "NAME [UNIT]"]),
-        (f"stretch, stretch\n{GOOD}", ["stretch stands there twice"]),
+        (f"stretch, stretch\n{GOOD}", ["stretch is given twice"]),
         (f"stretch, strain, stress [kPa]\n{GOOD}", ["more than one column of stretch, strain"]),
         (f"stretch, stress\n{GOOD}", ["stress: unit '' is unknown", "Pa, kPa", "`stress [kPa]`"]),
         (f"stretch, stress [kpa]\n{GOOD}", ["unit 'kpa' is unknown", "Pa, kPa"]),

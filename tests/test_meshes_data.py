@@ -11,7 +11,13 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
 from calfsocket.meshes import limb
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import Socket, Sockets, reference_sockets
+from calfsocket.meshes.socket import (
+    CircleBlend,
+    NormalOffset,
+    Socket,
+    Sockets,
+    reference_sockets,
+)
 
 FOLDER = Path(limb.__file__).parent
 Change = Callable[[dict[str, Any]], Any]
@@ -128,11 +134,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "ids not unique": (
         lambda c: region(c, "fibula").update(id=16),
-        "regions: id 16 stands for two regions",
+        "regions: id 16 is used by two regions",
     ),
     "names not unique": (
         lambda c: region(c, "fibula").update(name="tibia"),
-        "regions: name tibia stands for two regions",
+        "regions: name tibia is used by two regions",
     ),
     "the socket's id": (
         lambda c: region(c, "fibula").update(id=100),
@@ -279,3 +285,35 @@ def test_unknown_names_are_answered_with_the_nearest() -> None:
         Socket.reference("x")
     with pytest.raises(InputError, match="no region 'tibea'; did you mean 'tibia'"):
         Limb.reference().region("tibea")
+
+
+def test_what_is_built_in_python_is_refused_in_the_same_words() -> None:
+    content = Limb.reference().model_dump()
+    tibia = content["curves"]["tibia"]
+    clockwise = tibia | {"points": tibia["points"][::-1]}
+    with pytest.raises(InputError, match=r"^Limb: curves\.tibia: runs clockwise"):
+        Limb(**content | {"curves": content["curves"] | {"tibia": clockwise}})
+    with pytest.raises(InputError, match=r"^NormalOffset: base: is 200\.0; it must be less than"):
+        NormalOffset(base=200.0)
+    with pytest.raises(InputError, match=r"^NormalOffset: base: unit 'kPa' is unknown"):
+        NormalOffset(base="1 kPa")
+    with pytest.raises(
+        InputError, match=r"^CircleBlend: unknown key 'base'; allowed: area"
+    ):
+        CircleBlend(area_reduction="5 %", base=1.0)
+
+
+def test_a_socket_is_read_from_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text('like = "HS"\narea_reduction = "3 %"\nmodulus = "2 GPa"\n')
+    own = Socket.read(path)
+    assert own == Socket.reference("HS").model_copy(
+        update={"area_reduction": 0.03, "modulus": 2000.0}
+    )
+    assert own.elasticity() == {"e": 2000.0} and Socket.reference("HS").elasticity() == {}
+    path.write_text('law = "normal_offset"\nbase = 1.0\n')
+    with pytest.raises(InputError, match=r"own\.toml: base: 1\.0 is no number with a unit"):
+        Socket.read(path)
+    path.write_text('like = "XS"\n')
+    with pytest.raises(InputError, match=r"own\.toml: like: no socket 'XS'; allowed: HS"):
+        Socket.read(path)

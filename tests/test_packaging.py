@@ -18,15 +18,16 @@ READ_DATA = """
 import calfsocket.forms
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import Socket
-from calfsocket.report import page, published, writing
+from calfsocket.paper import guest, published
+from calfsocket.report import templates, write
 Limb.reference()
 Socket.reference("HS")
-published.claims()
-page.read_template("report.html")
-page.read_template("report.css")
-from calfsocket.study import reading
-reading.paper_study().plan()
-reading.example()
+published.claims(), published.checks()
+for name in ("report.html", "table.html", "report.css"):
+    templates.read(name)
+templates.read("scoreboard.html", "calfsocket.paper.templates")
+from calfsocket.study.study import example
+example()
 """
 
 

@@ -18,7 +18,7 @@ from calfsocket.report.answer import sector
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.findings import Findings
 from calfsocket.simulation.results import Results
-from calfsocket.study import study
+from calfsocket.study.study import Study
 from conftest import WHY
 from report_results import contact_on, limb, results_of
 
@@ -231,7 +231,8 @@ def test_bad_input_is_one_line(words, says, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("solved", [True, False])
 def test_a_report_that_fails_does_not_change_the_exit_code(solved, tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(study, "run_study", lambda *_: solved)
+    keys = {("TC", "separate"), ("TC", "combined")} if solved else set()
+    monkeypatch.setattr(Study, "run", lambda *_, **__: keys)
     monkeypatch.setattr(command, "write", lambda _: 1 / 0)
     with caplog.at_level(logging.WARNING):
         code = cli.main(["--out", str(tmp_path / "r"), "--sockets", "TC"])
@@ -241,6 +242,6 @@ def test_a_report_that_fails_does_not_change_the_exit_code(solved, tmp_path, mon
 
 
 def test_no_report_is_written_when_none_is_wanted(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "run_study", lambda *_: True)
+    monkeypatch.setattr(Study, "run", lambda study, *_, **__: {c.key for c in study.plan.cases})
     monkeypatch.setattr(command, "write", lambda _: pytest.fail("written"))
     assert cli.main(["--out", str(tmp_path / "r"), "--no-report"]) == 0

@@ -59,7 +59,6 @@ def tables(study) -> dict[str, pd.DataFrame]:
 
 def test_what_is_changed_and_solved(tables):
     rows = tables["variants"].set_index("variant")
-    changed = ["", "model.friction = 0.0", "model.socket_support = outer-fixed"]
     assert rows.changes.tolist() == [
         "",
         "model.friction = 0.0",

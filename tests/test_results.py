@@ -133,7 +133,7 @@ def read_everything(folder: Path) -> None:
     ("spoil", "says"),
     [
         (write("run.json", "{"), "run.json: "),
-        (write("run.json", "{}"), "run.json: cases: is missing"),
+        (write("run.json", "{}"), "run.json: is not the run.json of a study"),
         (write("contact.csv", ""), "contact.csv: cannot be read"),
         (write("steps.csv", "a\n1\n"), "no column 'socket'"),
         (write("summary.csv", "socket,material_set\nHS,separate\n"), "no row of TC_separate"),

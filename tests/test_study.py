@@ -18,7 +18,7 @@ COLUMNS = [
 ]  # fmt: skip
 CONTACT_COLUMNS = [
     "socket", "material_set", "arc_mm", "angle_deg", "x_mm", "y_mm", "pressure_kPa", "shear_kPa",
-    "gap_mm", "status",
+    "gap_mm", "weight_mm", "status",
 ]  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def own_results(folder: Path, cases) -> Path:
     }
     write_results(folder, made, thresholds=[threshold])
     run = json.loads((folder / "run.json").read_text())
-    run["study"] = {"content": {"study": {"title": TITLE}}}
+    run["study"]["content"] = {"study": {"title": TITLE}}
     run["laws"]["soft"] = run["laws"]["separate"] | {
         "soleus": {"law": "hencky", "e": 0.03, "nu": 0.45}
     }

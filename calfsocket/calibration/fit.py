@@ -3,7 +3,7 @@ r"""Least squares on a force-displacement curve: Ogden's parameters of muscle an
 The residuals are r_k = (F_k(theta) - F_k) / max F at the displacements of the reference curve, and
 theta = (ln mu, alpha/10), with ln D1 as a third where it is free; otherwise D1 follows mu by
 Poisson's ratio. An isochoric Ogden law in plane strain is even in alpha: towards alpha = 0 it
-stiffens least, and a curve tells less and less of alpha.
+stiffens least, and a curve determines alpha less and less.
 The parameters are fields on the mesh, so that each evaluation is a curve without compiling, and the
 Jacobian takes differences to curves of neighbouring laws (`Indentation.curve`).
 
@@ -13,8 +13,8 @@ linear and the first points count as much as the last, there is none: a rough se
 comes first.
 
 Covariance is that of least squares, s^2 (J^T J)^-1 with s^2 = |r|^2 / (n - k). What is left here is
-the difference between two models and no noise, so it tells how well the curve tells the parameters
-apart, and is no confidence.
+the difference between two models and not noise: it says how well the curve determines the
+parameters, and is not a confidence interval.
 """
 
 from collections.abc import Callable, Sequence
@@ -108,7 +108,7 @@ def fit_curve(
     free_d: bool = False,
     on_curve: Callable[[Ogden, float], None] | None = None,
 ) -> Fit:
-    """Find the law whose curve is closest to the reference.
+    """Fit the law whose curve is closest to the reference.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ def _print(console: Console, title: str, frame: pd.DataFrame) -> None:
 
 
 def remarks(calibration: Calibration) -> list[str]:
-    """Say what the fit is worth, and which of the paper's observations hold."""
+    """Return remarks on what the fit is worth, and which of the paper's observations hold."""
     best = calibration.fits[0]
     lines = [
         f"correlation of mu and alpha {best.correlation[0, 1]:.3f}; ± is from the misfit of two "

@@ -144,7 +144,7 @@ def separate_laws(settings: Settings) -> dict[str, Law]:
 
 
 def calibrate(
-    comm: MPI.Comm, settings: Settings, tell: Callable[[str], None] = lambda text: None
+    comm: MPI.Comm, settings: Settings, on_line: Callable[[str], None] = lambda text: None
 ) -> Calibration:
     """Solve all curves and fit the combined law (collective).
 
@@ -154,7 +154,7 @@ def calibrate(
         Ranks that solve together.
     settings : Settings
         What to solve.
-    tell : callable
+    on_line : callable
         Called with a line for each curve.
     """
     specimen = _specimen(comm, settings)
@@ -165,7 +165,7 @@ def calibrate(
     def press(name: str, laws: Mapping[str, Law]) -> Indentation:
         test = Indentation(specimen, laws, settings.contact)
         curves[name] = test.curve(displacements, count_modes=True)
-        tell(f"{name}: {curves[name].force[-1]:.4g} N/mm at {specimen.stroke:g} mm")
+        on_line(f"{name}: {curves[name].force[-1]:.4g} N/mm at {specimen.stroke:g} mm")
         return test
 
     reference = press(SEPARATE, separate)
@@ -183,7 +183,7 @@ def calibrate(
         return test.curve(displacements, variations=[combined(near) for near in neighbours])
 
     def on_curve(law: Ogden, rms: float) -> None:
-        tell(f"mu {1e3 * law.mu[0]:.4g} kPa, alpha {law.alpha[0]:.4g}: {100 * rms:.3g} % off")
+        on_line(f"mu {1e3 * law.mu[0]:.4g} kPa, alpha {law.alpha[0]:.4g}: {100 * rms:.3g} % off")
 
     fits = sorted(
         (

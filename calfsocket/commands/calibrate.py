@@ -101,7 +101,7 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     on_first_rank(comm, lambda: _make_folder(arguments.out))
     precompile(comm)
     console = Console(stderr=True, quiet=comm.rank > 0)
-    calibration = calibrate(comm, settings, tell=lambda text: console.print(text, style="dim"))
+    calibration = calibrate(comm, settings, on_line=lambda text: console.print(text, style="dim"))
     if comm.rank == 0:
         from calfsocket.paper import figure3
 

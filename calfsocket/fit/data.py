@@ -154,7 +154,9 @@ class _Table:
         try:
             return next(csv.reader([line], skipinitialspace=True))
         except csv.Error as error:
-            raise InputError(f"{self.path}, line {number}: is no row of cells ({error})") from error
+            raise InputError(
+                f"{self.path}, line {number}: cannot be split into cells ({error})"
+            ) from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""
@@ -170,7 +172,7 @@ class _Table:
                 hint = nearest(found[1], _COLUMNS)
                 raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
-                raise InputError(f"{self.path}: column {found[1]} stands there twice; keep one")
+                raise InputError(f"{self.path}: column {found[1]} is given twice; keep one")
             columns[found[1]] = (found[2] or "").strip()
         for wanted in (("stretch", "strain"), tuple(_STRESSES)):
             number = sum(name in columns for name in wanted)
@@ -248,7 +250,7 @@ class _Table:
 def _agree(
     path: Path, place: str, read: Choice | None, option: str, asked: Choice | None
 ) -> Choice | None:
-    """Take what the file or else the option says, which must not contradict each other."""
+    """Return what the file says, else what the option says; they must not contradict each other."""
     if read and asked and read != asked:
         raise InputError(f"{path}: {place} says {read}, {option} says {asked}; let them agree")
     return read or asked

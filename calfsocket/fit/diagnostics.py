@@ -67,8 +67,7 @@ def _patterns(fit: Fit) -> list[str]:
     """
     found = []
     for test in fit.tests:
-        fitted = fit.family.stress(fit.parameters, test.mode, test.stretch)
-        residual = fitted - test.stress
+        residual = fit.residual(test)
         ratio = np.sum(np.diff(residual) ** 2) / np.sum(residual**2)
         if (2 - ratio) * np.sqrt(len(residual)) / 2 > stats.norm.ppf(LEVEL):
             found.append(

@@ -48,7 +48,7 @@ def _draw_test(stress: Axes, residual: Axes, fit: Fit, test: Test, colour: str, 
     low, high = float(np.min(test.stretch)), float(np.max(test.stretch))
     margin = BEYOND * (high - low)
     inside = np.linspace(low, high, 200)
-    fitted = fit.family.stress(fit.parameters, test.mode, inside) / mpa
+    fitted = fit.stress(test.mode, inside) / mpa
     band = fit.band(test.mode, inside) / mpa
     stress.fill_between(inside, fitted - band, fitted + band, color=colour, alpha=0.2, lw=0)
     for minimum in fit.minima[1:]:
@@ -58,8 +58,7 @@ def _draw_test(stress: Axes, residual: Axes, fit: Fit, test: Test, colour: str, 
         stress.plot(wide, other, color="grey", linestyle="--", linewidth=1.0, label=label)
     stress.plot(inside, fitted, color=colour, label=f"fit, {test.mode}, with {LEVEL:.0%} band")
     for beyond in (np.linspace(low - margin, low), np.linspace(high, high + margin)):
-        there = fit.family.stress(fit.parameters, test.mode, beyond) / mpa
-        stress.plot(beyond, there, color=colour, linestyle=":")
+        stress.plot(beyond, fit.stress(test.mode, beyond) / mpa, ":", color=colour)
     sd = None if test.sd is None else test.sd / mpa
     stress.errorbar(
         test.stretch,
@@ -70,8 +69,9 @@ def _draw_test(stress: Axes, residual: Axes, fit: Fit, test: Test, colour: str, 
         color=colour,
         label=f"data, {test.mode}",
     )
-    misfit = fit.family.stress(fit.parameters, test.mode, test.stretch) - test.stress
-    residual.errorbar(test.stretch, misfit / mpa, sd, fmt="o", markersize=4, color=colour)
+    residual.errorbar(
+        test.stretch, fit.residual(test) / mpa, sd, fmt="o", markersize=4, color=colour
+    )
 
 
 def _words(fit: Fit, notes: Sequence[str]) -> str:

@@ -89,6 +89,14 @@ class Fit:
         """Coefficients in MPa, then exponents, (n,)."""
         return self.minima[0].parameters
 
+    def stress(self, mode: Mode, stretch: Array) -> Array:
+        """Engineering stress of the fitted law, MPa, (n,)."""
+        return self.family.stress(self.parameters, mode, stretch)
+
+    def residual(self, test: Test) -> Array:
+        """Fitted minus measured engineering stress of a test, MPa, (n,)."""
+        return self.stress(test.mode, test.stretch) - test.stress
+
     @property
     def at_bound(self) -> NDArray[np.bool_]:
         """Which parameters are at a bound and have no interval, (n,)."""
@@ -178,7 +186,10 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
 def _distinct(problem: Problem, ends: Sequence[Array]) -> list[Minimum]:
     """Different minima, the best first."""
     n = len(problem.family.coefficients)
-    found = sorted((Minimum(end, problem.sum_of_squares(end), 1) for end in ends), key=_squares)
+    found = sorted(
+        (Minimum(end, problem.sum_of_squares(end), 1) for end in ends),
+        key=lambda minimum: minimum.sum_of_squares,
+    )
     minima: list[Minimum] = []
     for end in found:
         for i, minimum in enumerate(minima):
@@ -190,10 +201,6 @@ def _distinct(problem: Problem, ends: Sequence[Array]) -> list[Minimum]:
         else:
             minima.append(end)
     return minima
-
-
-def _squares(minimum: Minimum) -> float:
-    return minimum.sum_of_squares
 
 
 def _free(problem: Problem, parameters: Array) -> NDArray[np.bool_]:

@@ -36,7 +36,7 @@ class Example:
         Stretches.
     seed : int
         Of the noise.
-    tells_sd : bool
+    with_sd : bool
         Whether the file has the column stress_sd.
     """
 
@@ -46,7 +46,7 @@ class Example:
     first: float
     last: float
     seed: int
-    tells_sd: bool = True
+    with_sd: bool = True
 
     def csv(self) -> str:
         """Text of the file."""
@@ -58,10 +58,10 @@ class Example:
             f"# SYNTHETIC, not measured: {self.tissue}'s law of Table 1 with {NOISE:.0%} noise",
             f"# Incompressible, {self.mode}; normal noise of standard deviation {sd:.4g} kPa,",
             f"# seed {self.seed}. Made by `python3 -m calfsocket.fit.synthetic`.",
-            "mode, stretch, engineering_stress [kPa]" + self.tells_sd * ", stress_sd [kPa]",
+            "mode, stretch, engineering_stress [kPa]" + self.with_sd * ", stress_sd [kPa]",
         ]
         lines += [
-            f"{self.mode}, {point:.4f}, {stress:.6g}" + self.tells_sd * f", {sd:.4g}"
+            f"{self.mode}, {point:.4f}, {stress:.6g}" + self.with_sd * f", {sd:.4g}"
             for point, stress in zip(stretch, exact + noise, strict=True)
         ]
         return "\n".join(lines) + "\n"
@@ -69,7 +69,7 @@ class Example:
 
 EXAMPLES: dict[str, Example] = {
     "fascia_uniaxial_synthetic.csv": Example(
-        "fascia", FASCIA, "uniaxial", 1.0, 1.25, 1, tells_sd=False
+        "fascia", FASCIA, "uniaxial", 1.0, 1.25, 1, with_sd=False
     ),
     "muscle_uniaxial_synthetic.csv": Example("muscle", MUSCLE, "uniaxial", 0.7, 1.3, 2),
     "muscle_planar_synthetic.csv": Example("muscle", MUSCLE, "planar", 1.0, 0.7, 3),

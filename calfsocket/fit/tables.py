@@ -9,11 +9,9 @@ import scipy
 
 import calfsocket
 from calfsocket.fit.data import Test
-from calfsocket.fit.modes import engineering_stress
 from calfsocket.fit.regression import LEVEL, Fit
 from calfsocket.fit.stability import SCANNED, StableRange
-
-KPA = 1e-3
+from calfsocket.materials.tissues import KPA
 
 
 def stress_unit(tests: Sequence[Test]) -> tuple[str, float]:
@@ -39,7 +37,7 @@ def parameter_lines(fit: Fit) -> list[str]:
 
 
 def summary(fit: Fit, stable: Sequence[StableRange], notes: Sequence[str]) -> str:
-    """Tell a fit in words and numbers, for the terminal."""
+    """Summarise a fit for the terminal."""
     unit, mpa = stress_unit(fit.tests)
     lines = [f"{test.path.name}: {test.title}" for test in fit.tests]
     lines += [f"{fit.family.title}:", *(f"  {line}" for line in parameter_lines(fit))]
@@ -60,9 +58,8 @@ def curve_rows(fit: Fit) -> pd.DataFrame:
                     "mode": test.mode,
                     "stretch": test.stretch,
                     "engineering_stress_kPa": test.stress / KPA,
-                    "fitted_kPa": (fitted := engineering_stress(fit.law, test.mode, test.stretch))
-                    / KPA,
-                    "residual_kPa": (fitted - test.stress) / KPA,
+                    "fitted_kPa": fit.stress(test.mode, test.stretch) / KPA,
+                    "residual_kPa": fit.residual(test) / KPA,
                 }
             )
             for test in fit.tests

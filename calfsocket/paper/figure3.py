@@ -79,7 +79,7 @@ def figure(calibration: Calibration) -> Figure:
 
 
 def _window(calibration: Calibration) -> drawing.Window:
-    """Give the piece of the plane that both states and the arrow need."""
+    """Return the piece of the plane that both states and the arrow need."""
     fields, way = calibration.fields, np.array(calibration.specimen.direction)
     assert fields is not None
     both = np.concatenate([fields.points, drawing.deformed(fields)])

@@ -15,7 +15,7 @@ from calfsocket.postprocess.fields import TISSUES, SectionFields
 SOFT_TISSUES = ("skin", "fat", "fascia", "muscle", "vessel")
 SOCKET_NAMES = {"TC": "total contact", "TSB": "total surface bearing", "HS": "hydrostatic"}
 
-# Told apart by hue, and by lightness for colour-blind eyes.
+# Distinct by hue, and by lightness for colour-blind eyes.
 TISSUE_COLOURS = {
     "skin": "#c98d6b",
     "fat": "#f8e9b0",
@@ -24,7 +24,7 @@ TISSUE_COLOURS = {
     "vessel": "#2a5d9c",
     "bone": "#efede6",
 }
-# Light where the value is low, so that outlines show; told apart by colour-blind eyes too.
+# Light where the value is low, so that outlines show; colour-blind eyes can read them, too.
 STRESS_COLOURS = "YlGnBu"
 ABOVE = "#cc3c58"
 BONE = "#d9d9d9"
@@ -37,17 +37,17 @@ Window = tuple[float, float, float, float]
 
 
 def cells_of(fields: SectionFields, *tissues: str) -> NDArray[np.int64]:
-    """Give the indices of the cells of some tissues."""
+    """Return the indices of the cells of some tissues."""
     return np.flatnonzero(np.isin(fields.tissue, [TISSUES.index(name) for name in tissues]))
 
 
 def deformed(fields: SectionFields) -> NDArray[np.float64]:
-    """Deformed positions of the nodes, mm, (n_nodes, 2)."""
+    """Return the deformed positions of the nodes, mm, (n_nodes, 2)."""
     return fields.points + fields.displacement
 
 
 def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
-    """Bound some cells by closed curves that turn as the cells do, and the other way around holes.
+    """Return the boundary of some cells: closed curves that turn as the cells do, holes reversed.
 
     A quadratic element's edge is a quadratic Bezier curve, so the path is the mesh's own boundary
     without loss: its control point is 2 m - (a + b)/2, with the ends a, b and the mid-side node m.
@@ -80,7 +80,7 @@ def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
 
 
 def limb_boundary(fields: SectionFields, points: NDArray[np.float64]) -> Path:
-    """Outline of the limb, with its marrow cavity as a hole where it has one."""
+    """Return the outline of the limb, with its marrow cavity as a hole where it has one."""
     return boundary(fields.cells[cells_of(fields, *SOFT_TISSUES, "bone")], points)
 
 

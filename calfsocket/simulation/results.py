@@ -190,7 +190,10 @@ def load_results(folder: Path | str) -> Results:
     run = None
     if (folder / RUN_FILE).is_file():
         run = read_run(folder / RUN_FILE)
-        found = {record.key: (folder / record.name, record) for record in run.cases.values()}
+        # `inputs` has the cases in the order of the study, whatever was solved when
+        order = dict.fromkeys([*run.inputs, *run.cases])
+        solved = [run.cases[name] for name in order if name in run.cases]
+        found = {record.key: (folder / record.name, record) for record in solved}
     else:
         paths = sorted(folder.glob(f"*/{RESULT_FILE}"))
         read = [(path.parent, read_json(path, CaseRecord)) for path in paths]

@@ -50,7 +50,7 @@ def draw(plan: Plan, path: Path) -> None:
 
 
 def _different(plan: Plan) -> list[Case]:
-    """One case for each geometry, and each choice of regions with laws of their own."""
+    """Return one case for each socket."""
     found: dict[AnySocket, Case] = {}
     for case in plan.cases:
         found.setdefault(case.socket.model_copy(update={"name": ""}), case)
@@ -102,7 +102,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
 
 
 def _custom_regions(plan: Plan) -> set[str]:
-    """Regions that some set of the study gives a law of their own."""
+    """Return regions that some material set of the study gives a law of their own."""
     return {name for case in plan.cases for name in case.materials.regions}
 
 
@@ -119,14 +119,10 @@ def _points(curve: ClosedCurve) -> np.ndarray:
 
 
 def _path(outer: ClosedCurve, *holes: ClosedCurve) -> Outline:
-    """Path of a region; holes turn the other way."""
-    parts = [Outline(_closed(_points(outer)), closed=True)]
-    parts += [Outline(_closed(_points(hole)[::-1]), closed=True) for hole in holes]
-    return Outline.make_compound_path(*parts)
-
-
-def _closed(points: np.ndarray) -> np.ndarray:
-    return np.vstack([points, points[:1]])
+    """Return the path of a region; holes turn the other way."""
+    loops = [_points(outer), *(_points(hole)[::-1] for hole in holes)]
+    closed = [Outline(np.vstack([loop, loop[:1]]), closed=True) for loop in loops]
+    return Outline.make_compound_path(*closed)
 
 
 def _draw_legend(figure: Figure, bottom_inch: float) -> None:

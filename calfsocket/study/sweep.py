@@ -196,7 +196,7 @@ class Labels:
                 self._words[name, value] = written[value] if clear else f"value-{number}"
 
     def of(self, changes: Changes, number: int) -> str:
-        """Return the changes of a case as one word; if that is too long, the number of its point."""
+        """Return the changes of a case as one word; if it is too long, the number of its point."""
         text = ",".join(
             f"{self._short[name]}={self._words.get((name, repr(value)), _word(value))}"
             for name, value in changes.items()

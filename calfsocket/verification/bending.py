@@ -19,7 +19,8 @@ from petsc4py import PETSc
 
 from calfsocket.forms import mixed
 from calfsocket.io.errors import SolveError
-from calfsocket.materials.laws import Law, law_fields, law_tags
+from calfsocket.materials.fields import LawFields
+from calfsocket.materials.law import Law
 from calfsocket.materials.tissues import FASCIA, MUSCLE
 from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
 from calfsocket.mechanics.newton import Newton
@@ -70,11 +71,10 @@ class OtherElement:
         )
         V = fem.functionspace(domain, mixed_element)
         self.section, self.w, self.load = section, fem.Function(V), 1.0
-        by_tag = {section.regions[name]: law for name, law in laws.items()}
-        self.fields = law_fields(domain, section.cell_tags, by_tag)
-        dx = mixed.volume_measure(domain, law_tags(domain, section.cell_tags, by_tag))
-        self._residual = fem.form(mixed.residual(self.w, self.fields, dx))
-        self._tangent = fem.form(mixed.tangent(self.w, self.fields, dx))
+        self.fields = LawFields(domain, section.cell_tags, section.regions, laws)
+        dx = mixed.volume_measure(domain, self.fields.tags)
+        self._residual = fem.form(mixed.residual(self.w, self.fields.materials, dx))
+        self._tangent = fem.form(mixed.tangent(self.w, self.fields.materials, dx))
         constrained, self._values = constrained_unknowns(V, section, constraints)
         self._at = np.flatnonzero(constrained).astype(np.int32)
         self.right = fem.locate_dofs_topological(

@@ -47,7 +47,7 @@ OVERCLOSURE = 0.92
 """mm; 5.3 % of the limb's area, as much as the tightest socket of the study takes off. No quarter
 of it is within 5 % of an overclosure at which another wave becomes unstable."""
 
-MATERIALS: tuple[MaterialSet, ...] = ("separate", "combined")
+MATERIALS: tuple[BaseSet, ...] = ("separate", "combined")
 STEPS = 4
 WAVES = range(41)
 

@@ -47,7 +47,9 @@ class Patch:
     pressure: float
 
 
-STIFF_MUSCLE = Ogden(tuple(1e4 * mu for mu in MUSCLE.mu), MUSCLE.alpha, 1e-4 * MUSCLE.d1)
+STIFF_MUSCLE = Ogden(
+    mu=tuple(1e4 * mu for mu in MUSCLE.mu), alpha=MUSCLE.alpha, d1=1e-4 * MUSCLE.d1
+)
 
 
 def patch_strips() -> dict[str, list[Law]]:

@@ -20,8 +20,8 @@ from scipy.optimize import brentq
 
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.parameters import Contact
-from calfsocket.forms.mixed import LawFields
-from calfsocket.materials.laws import Law
+from calfsocket.materials.fields import LawFields
+from calfsocket.materials.law import Law
 from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.forms import mixed
+from calfsocket.materials.fields import LawFields
 from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +47,7 @@ class Points:
 
 
 def at_points(
-    section: SectionMesh, w: fem.Function, fields: mixed.LawFields, degree: int = 8
+    section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8
 ) -> Points:
     """Evaluate mixed unknowns at the points of a quadrature rule of some degree, on one rank."""
     domain = section.mesh
@@ -63,7 +64,7 @@ def at_points(
         x=evaluate(ufl.SpatialCoordinate(domain)),
         u=evaluate(u),
         F=evaluate(ufl.Identity(2) + ufl.grad(u)).reshape(2, 2, -1),
-        p=evaluate(mixed.pressure(p_dof, fields))[0],
+        p=evaluate(mixed.pressure(p_dof, fields.pressure_scale))[0],
         weight=area * np.tile(weights, len(cells)),
         region=np.repeat(section.cell_regions(), len(points)),
     )
