@@ -6,10 +6,10 @@ import ffcx.codegeneration.jit
 import pytest
 from mpi4py import MPI
 
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.kernels import library
-from calfsocket.contact.parameters import Contact
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields

@@ -297,9 +297,7 @@ def test_what_is_built_in_python_is_refused_in_the_same_words() -> None:
         NormalOffset(base=200.0)
     with pytest.raises(InputError, match=r"^NormalOffset: base: unit 'kPa' is unknown"):
         NormalOffset(base="1 kPa")
-    with pytest.raises(
-        InputError, match=r"^CircleBlend: unknown key 'base'; allowed: area"
-    ):
+    with pytest.raises(InputError, match=r"^CircleBlend: unknown key 'base'; allowed: area"):
         CircleBlend(area_reduction="5 %", base=1.0)
 
 

@@ -158,7 +158,7 @@ def difference(
 
 
 def random_direction(problem: Problem, x: PETSc.Vec, seed: int = 5) -> FloatArray:
-    """Return a direction of size 1, zero where unknowns are held."""
+    """Return a direction of size 1, zero where unknowns are constrained."""
     direction = np.random.default_rng(seed).normal(size=x.getLocalSize())
     direction[problem.constrained] = 0.0
     return direction
@@ -179,26 +179,23 @@ MOVE = 0.1
 
 
 @contextmanager
-def contact_moved(problem: Problem, parameter: str) -> Iterator[None]:
-    """Move a parameter of contact by `MOVE`, for the body."""
+def moved(problem: Problem, parameter: str) -> Iterator[None]:
+    """Move a parameter of contact or of the laws by `MOVE`, for the body."""
     contact = problem.contact
     load, before = problem.load, contact.parameters
+    factor = 1.0 + MOVE
     if parameter == "load":
         problem.load *= 1.0 - MOVE
+    elif parameter in CONTACT_PARAMETERS:
+        changed = {parameter: factor * getattr(before, parameter)}
+        contact.parameters = before.model_copy(update=changed)
     else:
-        value = getattr(before, parameter) * (1.0 + MOVE)
-        contact.parameters = before.model_copy(update={parameter: value})
+        values = law_parameters(problem)[parameter].x.array
+        kept, values[:] = values.copy(), factor * values
     yield
     problem.load, contact.parameters = load, before
-
-
-@contextmanager
-def law_moved(parameter: fem.Function) -> Iterator[None]:
-    """Move a parameter of the laws by `MOVE`, for the body."""
-    before = parameter.x.array.copy()
-    parameter.x.array[:] *= 1.0 + MOVE
-    yield
-    parameter.x.array[:] = before
+    if parameter not in CONTACT_PARAMETERS:
+        values[:] = kept
 
 
 def law_parameters(problem: Problem) -> dict[str, fem.Function]:
@@ -230,14 +227,13 @@ def moves_of(name: str) -> Moves:
         f, g = ((now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True))
         return f, g
 
-    moves = {}
-    for parameter, counts in CONTACT_PARAMETERS.items():
-        with contact_moved(problem, parameter):
-            moves[parameter, name] = (*change(), name in counts)
+    should = {parameter: name in counts for parameter, counts in CONTACT_PARAMETERS.items()}
     if name == "mixed":
-        for parameter, function in law_parameters(problem).items():
-            with law_moved(function):
-                moves[parameter, name] = (*change(), True)
+        should |= dict.fromkeys(law_parameters(problem), True)
+    moves = {}
+    for parameter, moving in should.items():
+        with moved(problem, parameter):
+            moves[parameter, name] = (*change(), moving)
     return moves
 
 
