@@ -24,7 +24,8 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
-from calfsocket.meshes.blocks import LIMB, Rings
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.problems import held_socket
 from calfsocket.verification.report import LOG, Check, Curve, Section, curves
 from calfsocket.verification.sampling import edge_means, largest, skin_mean, worst
@@ -42,9 +43,10 @@ def pressed(comm: MPI.Comm, h: float, socket_modulus: float, contact: Contact) -
 
     The limb has a Young's modulus of 1 MPa, the socket `socket_modulus`.
     """
-    rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
+    socket = (20.0 - OVERCLOSURE, 26.0)
+    rings = ring_mesh(comm, [(LIMB, 10.0, 20.0)], socket, (h, 0.8 * h), turn=0.3)
     laws = {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)}
-    motion = held_socket(rings.mesh(comm), laws, contact)
+    motion = held_socket(rings, laws, contact)
     motion.solve()
     return motion
 
