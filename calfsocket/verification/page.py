@@ -62,7 +62,7 @@ class Part:
     body: str  #: markdown
 
     def __str__(self) -> str:
-        """Give the section between its comments."""
+        """Return the section between its comments."""
         return (
             f"<!-- {self.subject}: {self.passed} of {self.checks} checks, {self.seconds:.0f} s, "
             f"calfsocket {self.version} -->\n{self.body}<!-- end of {self.subject} -->\n"
