@@ -139,7 +139,7 @@ class Problem:
             If a region would change its kind of law.
         """
         self.fields.set_laws(laws)
-        self.region_laws |= laws
+        self.region_laws = {**self.region_laws, **laws}  # a new one: callers keep the old
 
     # -- history of friction --------------------------------------------------------------------
 
