@@ -65,7 +65,7 @@ class Socket(Strict):
     name : str
         What cases, tables and folders call it; in a study file that is the name of its table.
     title : str
-        For people.
+        Its name in words, for reports.
     wall_thickness : float
         From the inner face outward along its normal, mm.
     modulus, poisson : float, optional
@@ -174,7 +174,15 @@ class Socket(Strict):
 
 
 class NormalOffset(Socket):
-    """Inner face: the skin moved inward along its normal by base + bumps, mm."""
+    """Inner face: the skin moved inward along its normal by base + bumps, mm.
+
+    Attributes
+    ----------
+    base : float
+        Distance by which the skin is moved inward, mm.
+    bumps : tuple of Bump
+        Gaussians of the polar angle that are added.
+    """
 
     law: Literal["normal_offset"] = "normal_offset"
     base: Offset
@@ -198,6 +206,15 @@ class CircleBlend(Socket):
     with r the polar radius of the skin about the origin, its mean over the polar angle, c the
     `roundness`, s the bumps, and k such that the area, half the integral of rho^2 over the angle,
     is (1 - `area_reduction`) times the limb's. That is a quadratic equation in k.
+
+    Attributes
+    ----------
+    area_reduction : float
+        Share of the limb's area that the inner face encloses less than the skin.
+    roundness : float
+        0 the shape of the skin, 1 a circle.
+    bumps : tuple of Bump
+        Gaussians of the polar angle that are taken off.
     """
 
     law: Literal["circle_blend"] = "circle_blend"
@@ -245,7 +262,17 @@ class CircleBlend(Socket):
 
 
 class Outline(Socket):
-    """Inner face: a closed spline through points, moved: turned about the origin, then shifted."""
+    """Inner face: a closed spline through points, moved: turned about the origin, then shifted.
+
+    Attributes
+    ----------
+    points : tuple of (x, y)
+        At least four points, mm, the first not repeated.
+    shift : (float, float)
+        By which the points are moved after they were turned, mm.
+    rotation : float
+        By which they are turned about the origin, degrees, counter-clockwise.
+    """
 
     law: Literal["outline"] = "outline"
     points: Points

@@ -53,20 +53,13 @@ def pressed(comm: MPI.Comm, h: float, socket_modulus: float, contact: Contact) -
 
 @dataclass(frozen=True)
 class Scatter:
-    """Contact pressure where it should be uniform.
+    """Contact pressure where it should be uniform."""
 
-    Attributes
-    ----------
-    points, edges : float
-        Standard deviation of the pressure of the points, and of the means over skin edges, over the
-        mean.
-    imbalance : float
-        Reaction of the core that should be zero, over the pressing force.
-    """
-
+    #: standard deviation of the pressure of the points, and of the means over skin edges, over the
+    #: mean
     points: float
     edges: float
-    imbalance: float
+    imbalance: float  #: reaction of the core that should be zero, over the pressing force
 
 
 def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatter:
@@ -85,39 +78,18 @@ def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatte
 
 @dataclass(frozen=True)
 class Shifted:
-    """A limb moved sideways in its socket.
+    """A limb moved sideways in its socket."""
 
-    Attributes
-    ----------
-    force : (2,)
-        Reaction of the core, N/mm.
-    pressing : float
-        Integral of the contact pressure, N/mm.
-    peak : float
-        Largest mean pressure of a skin edge, MPa.
-    open_share : float
-        Share of the skin that is open.
-    least_pressure : float
-        Smallest contact pressure, over the peak.
-    penetration : float
-        Largest |gap| where pressed, over the way of the core.
-    overlap : float
-        Largest negative gap where open, over the way of the core.
-    complementarity : float
-        Largest |gap| times pressure, over the way of the core and the peak pressure.
-    newton : int
-        Newton iterations in all.
-    """
-
-    force: FloatArray
-    pressing: float
-    peak: float
-    open_share: float
-    least_pressure: float
-    penetration: float
-    overlap: float
+    force: FloatArray  #: (2,) reaction of the core, N/mm
+    pressing: float  #: integral of the contact pressure, N/mm
+    peak: float  #: largest mean pressure of a skin edge, MPa
+    open_share: float  #: share of the skin that is open
+    least_pressure: float  #: smallest contact pressure, over the peak
+    penetration: float  #: largest |gap| where pressed, over the way of the core
+    overlap: float  #: largest negative gap where open, over the way of the core
+    #: largest |gap| times pressure, over the way of the core and the peak pressure
     complementarity: float
-    newton: int
+    newton: int  #: Newton iterations in all
 
 
 #: Way of the core, mm, and the steps it is made in.
