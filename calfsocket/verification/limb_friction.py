@@ -113,10 +113,10 @@ class Fitting:
         pressing = line.weight_mm @ line.pressure_kPa
         return float(line.weight_mm @ np.abs(line.shear_kPa) / pressing)
 
-    def maximum(self, tissue: str, outcome: str) -> float:
+    def maximum(self, tissue: str, quantity: str) -> float:
         """Value of a row of the summary."""
         rows = self.summary
-        at = (rows["tissue"] == tissue) & (rows["outcome"] == outcome)
+        at = (rows["tissue"] == tissue) & (rows["quantity"] == quantity)
         return float(rows.loc[at, "value"].iloc[0])
 
 
@@ -307,8 +307,8 @@ def _row(case: Case, path: str, step: float, made: Fitting) -> dict[str, str]:
         "slips at the end": f"{np.average(line.status == 'slip', weights=line.weight_mm):.3f}",
         "slid, um": f"{1e3 * np.average(made.slid, weights=line.weight_mm):.1f}",
     } | {
-        f"{tissue}, {unit}": f"{made.maximum(tissue, outcome):.3g}"
-        for tissue, outcome, unit in TISSUES
+        f"{tissue}, {unit}": f"{made.maximum(tissue, quantity):.3g}"
+        for tissue, quantity, unit in TISSUES
     }
 
 

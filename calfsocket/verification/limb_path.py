@@ -79,10 +79,11 @@ class LimbPath:
             self.case.material_set == "combined"
         )
 
-    def value(self, tissue: str, outcome: str) -> float:
-        """Value of an outcome at the end."""
+    def value(self, tissue: str, quantity: str) -> float:
+        """Value of a quantity at the end."""
         table = self.summary
-        return float(table[(table.tissue == tissue) & (table.outcome == outcome)]["value"].iloc[0])
+        rows = table[(table.tissue == tissue) & (table["quantity"] == quantity)]
+        return float(rows["value"].iloc[0])
 
 
 def follow(
@@ -147,7 +148,7 @@ def largest_change(path: LimbPath, other: LimbPath) -> tuple[float, str]:
     before, after = path.summary["value"].to_numpy(), other.summary["value"].to_numpy()
     change = np.abs(np.abs(after) - np.abs(before)) / np.abs(before)
     row = path.summary.iloc[int(np.argmax(change))]
-    return float(change.max()), f"{row.tissue} {row.outcome}"
+    return float(change.max()), f"{row.tissue} {row.quantity}"
 
 
 def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> pd.DataFrame:
