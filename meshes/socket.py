@@ -99,7 +99,7 @@ class Socket(Strict):
         ----------
         path
             A TOML file with what a study file has under ``[sockets.NAME]``, or an outline as CSV,
-            DXF or SVG (`from_outline`).
+            DXF or SVG (`from_outline`). Its name is the socket's.
 
         Raises
         ------
@@ -112,6 +112,7 @@ class Socket(Strict):
         content = read_toml(path)
         with error_context(path):
             table = resolved(content, reference_sockets(), lambda name: _points(path.parent / name))
+        table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
 
     @staticmethod
@@ -130,14 +131,17 @@ class Socket(Strict):
         shift, rotation
             The outline is turned about the origin, in degrees, and then shifted, in mm.
         **wall
-            `title`, `wall_thickness`, `modulus` or `poisson`.
+            `title`, `wall_thickness`, `modulus` or `poisson`; and `name`, that of the file by
+            default.
 
         Raises
         ------
         InputError
             When the file cannot be read or holds no closed outline.
         """
-        return Outline(points=_points(Path(path)), shift=shift, rotation=rotation, **wall)
+        path = Path(path)
+        wall.setdefault("name", path.stem)
+        return Outline(points=_points(path), shift=shift, rotation=rotation, **wall)
 
     def elasticity(self) -> dict[str, float]:
         """Return what is the wall's own of E (MPa) and nu; empty where it is the material set's."""

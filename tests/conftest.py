@@ -11,6 +11,8 @@ import pytest
 from mpi4py import MPI
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from calfsocket.simulation.results import Results
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -78,13 +80,23 @@ def mpirun(launch: Callable[..., subprocess.CompletedProcess[str]]) -> Callable[
 
 
 def write_small_report(folder: Path) -> Path:
-    """Write a report with small figures: most of its time goes into pixels."""
+    """Write a report whose figures have few pixels and whose PDF files are stubs.
+
+    Nearly all of a report's time goes into those; `test_report_figures` looks at real ones.
+    """
     from calfsocket.commands.report import write
-    from calfsocket.plotting import style
+    from calfsocket.report import write as writing
     from calfsocket.report.figures import maps
 
+    def save(figure: "Figure", folder: Path, name: str) -> tuple[Path, Path]:
+        png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
+        folder.mkdir(exist_ok=True)
+        figure.savefig(png, dpi=50)
+        pdf.write_bytes(b"%PDF-1.4")
+        return png, pdf
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "PNG_DPI", 50)
+        patch.setattr(writing, "save", save)
         patch.setattr(maps, "PIXELS", 100)
         write(folder)
     return folder

@@ -288,7 +288,8 @@ def test_far_off_starts_find_the_same_minimum_on_the_default_compound():
 @pytest.mark.slow
 def test_curves_are_the_same_on_several_ranks(mpirun):
     program = (
-        "import numpy as np; from mpi4py import MPI; from calfsocket import compilation;"
+        "import numpy as np; from mpi4py import MPI;"
+        "from calfsocket.simulation.precompile import precompile;"
         "precompile(MPI.COMM_WORLD);"
         "from calfsocket.calibration.indentation import Indentation;"
         "from calfsocket.calibration.specimen import compound_specimen;"

@@ -7,7 +7,16 @@ import pandas as pd
 import pytest
 
 from calfsocket.paper import published
-from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, RULES, fact, holds
+from calfsocket.paper.claims.rules import (
+    FACTS,
+    INPUT,
+    PAPER,
+    RESULT,
+    RULES,
+    fact,
+    holds,
+    in_words,
+)
 from calfsocket.paper.claims.tolerances import about, about_change
 from calfsocket.paper.evidence import Evidence
 from calfsocket.paper.scoreboard import (
@@ -105,6 +114,24 @@ def test_six_runs_alone_leave_the_calibration_unchecked(board):
 )  # fmt: skip
 def test_rules(rule, value, expected, agrees):
     assert holds(rule, value, expected) is agrees
+
+
+def test_facts_in_words():
+    found = {
+        "value": 3.14159,
+        "each": {"TC": -5.04, "HS": 134.2},
+        "wrong": ["a", "b"],
+        "no": [],
+        "in": {"TC": {"x": 1.0}, "HS": {"x": 2.0}},
+        "force": np.array([0.5, 0.25]),
+    }
+    text = in_words(
+        "{value:n} mm; {each:c %}; {wrong}; {no}; {in:n}; {force:r} N; {value:.1f}", found
+    )
+    assert text == (
+        "3.14 mm; TC \N{MINUS SIGN}5.0 %, HS +134 %; a, b; none; TC: x 1.00; HS: x 2.00; "
+        "0.250 to 0.500 N; 3.1"
+    )
 
 
 def test_what_about_means():

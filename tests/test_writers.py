@@ -19,14 +19,7 @@ from calfsocket.postprocess.fields import TISSUES
 from calfsocket.postprocess.quantities import Quantities
 from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
 from sections import limb_and_socket
-
-KEY = ["socket", "material_set"]
-ORDER = [(s, m) for s in ("TC", "TSB", "HS") for m in ("separate", "combined")]
-
-
-def rows(socket, material_set, values) -> pd.DataFrame:
-    return pd.DataFrame({"socket": socket, "material_set": material_set, "value": values})
-
+from shared_table import KEY, ORDER, rows, write_often
 
 # --- atomic
 
@@ -114,18 +107,12 @@ def test_names_that_look_like_missing_values_stay(tmp_path):
     assert "NA,separate,1" in path.read_text()
 
 
-def _write_often(path, socket, material_set, start) -> None:
-    start.wait()
-    for i in range(10):
-        merge_csv(path, rows(socket, material_set, np.arange(200) + i), KEY, ORDER)
-
-
 def test_four_processes_at_once_lose_nothing_and_a_reader_sees_whole_files(tmp_path):
     path = tmp_path / "summary.csv"
     context = multiprocessing.get_context("spawn")
     start = context.Event()
     cases = ORDER[:4]
-    writers = [context.Process(target=_write_often, args=(path, *case, start)) for case in cases]
+    writers = [context.Process(target=write_often, args=(path, *case, start)) for case in cases]
     for writer in writers:
         writer.start()
     start.set()

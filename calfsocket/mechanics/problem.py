@@ -139,7 +139,8 @@ class Problem:
             If a region would change its kind of law.
         """
         self.fields.set_laws(laws)
-        self.region_laws |= laws
+        # A new mapping: callers keep the earlier one to go back to it.
+        self.region_laws = {**self.region_laws, **laws}
 
     # -- history of friction --------------------------------------------------------------------
 

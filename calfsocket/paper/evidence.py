@@ -31,6 +31,11 @@ STRESSES = ("effective_stress", "shear_stress")
 STRAINS = ("amp_log_strain", "shear_log_strain")
 
 
+def run_name(key: tuple[str, str]) -> str:
+    """Return the name of a run as people read it."""
+    return f"{key[0]} {material_set(key[1])}"
+
+
 class NotChecked(Exception):
     """A claim cannot be checked; the text says what is missing."""
 
@@ -65,12 +70,12 @@ class Evidence:
     @cached_property
     def settings(self) -> dict[str, Any]:
         """Settings of the study, by their last name."""
-        return inputs.settings(self.results)
+        return inputs.settings(self.results) if self.run else {}
 
     @property
     def laws(self) -> inputs.Laws:
         """Material set -> tissue -> law and parameters (MPa)."""
-        return inputs.laws(self.results)
+        return inputs.laws(self.results) if self.run else {}
 
     @cached_property
     def limb(self) -> Limb:
@@ -141,7 +146,7 @@ class Evidence:
         """Refuse the check when one of some cases is missing."""
         for socket, name in keys:
             if (socket, name) not in self.results:
-                raise NotChecked(f"needs {socket} {material_set(name)}, which is not solved here")
+                raise NotChecked(f"needs {run_name((socket, name))}, which is not solved here")
 
     def need_sets(self) -> tuple[str, ...]:
         """Return the sockets with both sets; refuse the check when there is none."""

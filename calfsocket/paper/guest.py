@@ -11,6 +11,7 @@ from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.figures import figures
 from calfsocket.paper.published import PARTS, pressure
 from calfsocket.paper.tables import tables
+from calfsocket.report import inputs
 from calfsocket.report.answer import MERGING, TRUST
 from calfsocket.report.chapters import Chapter, Content, Guest, Line, Note
 from calfsocket.report.findings import Findings
@@ -97,7 +98,10 @@ def _calibration(evidence: Evidence) -> tuple[list[Content], list[str]]:
         log.warning("the calibration is left out: %s", error)
         missing = f"The calibration, figure 3, is left out: {error}."
         return [Note(missing)], [missing]
-    return [found.figure, calibration.table(found, evidence.laws.get("separate", {}))], []
+    return [
+        found.figure,
+        calibration.table(found, inputs.laws(evidence.results).get("separate", {})),
+    ], []
 
 
 def _scoreboard(board: pd.DataFrame) -> Content:

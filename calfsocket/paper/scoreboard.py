@@ -11,7 +11,7 @@ import pandas as pd
 
 from calfsocket.paper import published
 from calfsocket.paper.claims import found, given  # noqa: F401  (they register their facts)
-from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, holds
+from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, holds, in_words
 from calfsocket.paper.evidence import Evidence, NotChecked
 from calfsocket.report.table import Table, listed
 
@@ -53,10 +53,15 @@ def check(identifier: str, evidence: Evidence) -> dict[str, str]:
         fact = FACTS[about.fact](evidence, about.of)
     except NotChecked as reason:
         return {"verdict": UNCHECKED, "ours": "", "paper": "", "why": str(reason)}
-    agrees = holds(about.rule, fact.value, about.expected)
-    why = "" if agrees else fact.why or about.why or "ours differs from the paper's"
+    agrees = holds(about.rule, fact["value"], about.expected)
+    why = "" if agrees else in_words(about.why, fact) or "ours differs from the paper's"
     verdict = HOLDS if agrees else FAILS
-    return {"verdict": verdict, "ours": fact.text, "paper": about.paper, "why": why}
+    return {
+        "verdict": verdict,
+        "ours": in_words(about.ours, fact),
+        "paper": about.paper,
+        "why": why,
+    }
 
 
 def counts(board: pd.DataFrame, judges: str = RESULT) -> dict[str, int]:

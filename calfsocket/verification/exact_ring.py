@@ -54,55 +54,31 @@ WAVES = range(41)
 
 @dataclass(frozen=True)
 class RingErrors:
-    """One ring of a solved section against the exact solution at the elements' Gauss points.
+    """One ring of a solved section against the exact solution at the elements' Gauss points."""
 
-    Attributes
-    ----------
-    mean_stress : (2,)
-        Difference of the mean Cauchy stress, radial and hoop, over the ring's largest exact one.
-    mean_stretch : (2,)
-        Difference of the mean stretch, radial and hoop.
-    rms_stress, rms_stretch : float
-        Root mean square of the difference of all components at all points, on the same scale.
-    """
-
+    #: (2,) difference of the mean Cauchy stress, radial and hoop, over the ring's largest exact one
     mean_stress: FloatArray
-    mean_stretch: FloatArray
+    mean_stretch: FloatArray  #: (2,) difference of the mean stretch, radial and hoop
+    #: root mean square of the difference of all components at all points, on the same scale
     rms_stress: float
     rms_stretch: float
 
 
 @dataclass(frozen=True)
 class RingCase:
-    """A solved load step against the exact solution.
+    """A solved load step against the exact solution."""
 
-    Attributes
-    ----------
-    name : str
-        Material set, and how much of the overclosure is released.
-    load : float
-        Its released share.
-    pressure_error, radius_error : float
-        Relative errors of the mean contact pressure per undeformed area, and of the mean radius of
-        the skin over its displacement.
-    pressure_scatter : float
-        Standard deviation of the contact pressure over its mean.
-    rings : dict
-        Errors by ring, the socket among them; empty where not asked for.
-    exact : ExactRing
-        What it is compared with.
-    negative_modes : int or None
-        Of the equilibrium; None where not counted.
-    """
-
-    name: str
-    load: float
+    name: str  #: material set, and how much of the overclosure is released
+    load: float  #: its released share
+    #: relative errors of the mean contact pressure per undeformed area, and of the mean radius of
+    #: the skin over its displacement
     pressure_error: float
     radius_error: float
-    pressure_scatter: float
+    pressure_scatter: float  #: standard deviation of the contact pressure over its mean
+    #: errors by ring, the socket among them; empty where not asked for
     rings: dict[str, RingErrors]
-    exact: ExactRing
-    negative_modes: int | None
+    exact: ExactRing  #: what it is compared with
+    negative_modes: int | None  #: of the equilibrium; None where not counted
 
     @property
     def exact_modes(self) -> int:

@@ -54,21 +54,12 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fitting:
-    """A socket put on the limb by one path.
+    """A socket put on the limb by one path."""
 
-    Attributes
-    ----------
-    end : End
-        The limb at full load.
-    history : DataFrame
-        By converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share.
-    slid : (m,)
-        Way that each point of the contact line slid in all, mm.
-    """
-
-    end: End
+    end: End  #: the limb at full load
+    #: by converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share
     history: pd.DataFrame
-    slid: FloatArray
+    slid: FloatArray  #: (m,) way that each point of the contact line slid in all, mm
 
     @property
     def line(self) -> ContactLine:

@@ -26,37 +26,18 @@ from calfsocket.verification.report import LOG, Curve, Figure, curves
 
 @dataclass(frozen=True)
 class LimbPath:
-    """A case followed from load 0 to 1.
+    """A case followed from load 0 to 1."""
 
-    Attributes
-    ----------
-    socket, material_set : str
-        What was solved.
-    largest : float
-        Largest load step allowed.
-    as_the_study : bool
-        Whether steps were extrapolated where the study does so, and only there.
-    steps : tuple of LoadStep
-        Failed ones too.
-    solves : list of Solve
-        Newton's iterates of each step.
-    energy : EnergyBalance
-        Work of the shrink fit and where it went.
-    probe : Probe
-        Newton's method at the end, along the last step.
-    end : End
-        The equilibrium at full load.
-    """
-
+    #: what was solved
     socket: str
     material_set: str
-    largest: float
-    as_the_study: bool
-    steps: tuple[LoadStep, ...]
-    solves: list[Solve]
-    energy: EnergyBalance
-    probe: Probe
-    end: End
+    largest: float  #: largest load step allowed
+    as_the_study: bool  #: whether steps were extrapolated where the study does so, and only there
+    steps: tuple[LoadStep, ...]  #: failed ones too
+    solves: list[Solve]  #: Newton's iterates of each step
+    energy: EnergyBalance  #: work of the shrink fit and where it went
+    probe: Probe  #: Newton's method at the end, along the last step
+    end: End  #: the equilibrium at full load
 
     @property
     def name(self) -> str:

@@ -88,17 +88,10 @@ def one_case(socket: str, material_set: BaseSet, size: str) -> tuple[Simulation,
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """The limb at full load.
+    """The limb at full load."""
 
-    Attributes
-    ----------
-    checks : Checks
-        As of every result.
-    fields, line : SectionFields, ContactLine
-        Stress and strain of the section, and contact along the skin.
-    """
-
-    checks: Checks
+    checks: Checks  #: as of every result
+    #: stress and strain of the section, and contact along the skin
     fields: SectionFields
     line: ContactLine
 

@@ -63,21 +63,12 @@ LAWS: dict[str, Law] = {
 
 @dataclass(frozen=True)
 class Point:
-    """What the forms give at a deformation gradient; MPa.
+    """What the forms give at a deformation gradient; MPa."""
 
-    Attributes
-    ----------
-    energy : float
-        Isochoric energy per reference volume.
-    P, dP : (2, 2)
-        First Piola-Kirchhoff stress, and its increment in the direction asked for.
-    cauchy : (4,)
-        s11, s22, s33, s12.
-    """
-
-    energy: float
+    energy: float  #: isochoric energy per reference volume
+    #: (2, 2) first Piola-Kirchhoff stress, and its increment in the direction asked for
     P: FloatArray
-    cauchy: FloatArray
+    cauchy: FloatArray  #: (4,) s11, s22, s33, s12
     dP: FloatArray
 
 

@@ -49,29 +49,17 @@ section is made again and the others stay.
 
 @dataclass(frozen=True)
 class Part:
-    """A section of the page as text, with what the summary says of it.
+    """A section of the page as text, with what the summary says of it."""
 
-    Attributes
-    ----------
-    subject, title : str
-        Name of the module, and heading.
-    checks, passed : int
-        Number of checks, and of those that pass.
-    seconds : float
-        Wall time.
-    version : str
-        Of the program that made it.
-    body : str
-        Markdown.
-    """
-
+    #: name of the module, and heading
     subject: str
     title: str
+    #: number of checks, and of those that pass
     checks: int
     passed: int
-    seconds: float
-    version: str
-    body: str
+    seconds: float  #: wall time
+    version: str  #: of the program that made it
+    body: str  #: markdown
 
     def __str__(self) -> str:
         """Give the section between its comments."""

@@ -21,28 +21,15 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Points:
-    """A solved body at n quadrature points.
+    """A solved body at n quadrature points."""
 
-    Attributes
-    ----------
-    x, u : (2, n)
-        Position and displacement, mm.
-    F : (2, 2, n)
-        Deformation gradient.
-    p : (n,)
-        Pressure, MPa, > 0 in tension.
-    weight : (n,)
-        Quadrature weight times area element, mm^2.
-    region : (n,)
-        Region tag.
-    """
-
+    #: (2, n) position and displacement, mm
     x: FloatArray
     u: FloatArray
-    F: FloatArray
-    p: FloatArray
-    weight: FloatArray
-    region: NDArray[np.int32]
+    F: FloatArray  #: (2, 2, n) deformation gradient
+    p: FloatArray  #: (n,) pressure, MPa, > 0 in tension
+    weight: FloatArray  #: (n,) quadrature weight times area element, mm^2
+    region: NDArray[np.int32]  #: (n,) region tag
 
 
 def at_points(section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8) -> Points:
@@ -88,18 +75,10 @@ def largest(comm: MPI.Comm, values: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Slid:
-    """What friction does between two states, on one rank.
+    """What friction does between two states, on one rank."""
 
-    Attributes
-    ----------
-    slip : (n,)
-        Slip of each skin point on the socket, mm.
-    work : (n,)
-        Work of friction there with the later shear, -q slip, N/mm.
-    """
-
-    slip: FloatArray
-    work: FloatArray
+    slip: FloatArray  #: (n,) slip of each skin point on the socket, mm
+    work: FloatArray  #: (n,) work of friction there with the later shear, -q slip, N/mm
 
     @classmethod
     def between(

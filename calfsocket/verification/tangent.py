@@ -62,24 +62,12 @@ DIFFERENCE = 1e-7
 
 @dataclass(frozen=True)
 class Kind:
-    """How a state is made and what it must be.
+    """How a state is made and what it must be."""
 
-    Attributes
-    ----------
-    overlap : float
-        By which the socket is smaller than the limb, mm.
-    turn : float
-        Of the socket, rad.
-    shift : float
-        Of the socket along x, mm.
-    status : set of int
-        Contact statuses of its points.
-    """
-
-    overlap: float
-    turn: float
-    shift: float
-    status: frozenset[int]
+    overlap: float  #: by which the socket is smaller than the limb, mm
+    turn: float  #: of the socket, rad
+    shift: float  #: of the socket along x, mm
+    status: frozenset[int]  #: contact statuses of its points
 
 
 KINDS = {
@@ -116,21 +104,11 @@ def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
 
 @dataclass(frozen=True)
 class Difference:
-    """A tangent against finite differences of the residual.
+    """A tangent against finite differences of the residual."""
 
-    Attributes
-    ----------
-    error : float
-        Norm of the difference, relative.
-    status : (n,) int
-        Contact status of the points.
-    switched : int
-        Points whose status differs between the two ends of the difference.
-    """
-
-    error: float
-    status: NDArray[np.int64]
-    switched: int
+    error: float  #: norm of the difference, relative
+    status: NDArray[np.int64]  #: (n,) contact status of the points
+    switched: int  #: points whose status differs between the two ends of the difference
 
 
 def difference(

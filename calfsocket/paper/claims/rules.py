@@ -1,15 +1,18 @@
 """How a claim is checked: a fact found in the study, a rule, and what the paper has.
 
 A row of ``data/checks.csv`` is a claim: ``fact`` names a function that finds the actual value, for
-what ``of`` says; ``rule`` names how the value is held against ``expected``. ``paper`` is what a
-reader sees of the paper, ``why`` what is said where the claim does not hold and the fact says
-nothing more precise. ``judges`` tells claims on results from those that only restate an input of
-the study or compare the paper with itself; those hold by construction, and ``given`` says by which.
+what ``of`` says; ``rule`` names how the value is compared with ``expected``. ``ours`` and ``why``
+are what a reader sees of the fact, and of the reason where the claim does not hold, with the parts
+of the fact in braces (`Words`); ``paper`` is what the paper has. ``judges`` tells claims on results
+from those that only restate an input of the study or compare the paper with itself; those hold by
+construction, and ``given`` says by which.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import string
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from calfsocket.paper.claims.tolerances import (
     ABOUT_COUNT,
@@ -19,29 +22,13 @@ from calfsocket.paper.claims.tolerances import (
     about_change,
 )
 from calfsocket.paper.evidence import Evidence
+from calfsocket.report.table import change, number
 
 RESULT, INPUT, PAPER = "result", "input", "paper"
 """What a claim may judge: results, an input of the study, or the paper's own numbers."""
 
-
-@dataclass(frozen=True)
-class Fact:
-    """What a study says on a claim.
-
-    Attributes
-    ----------
-    value
-        What a rule judges: a number, a text, a truth; of several, every one has to pass.
-    text : str
-        The numbers, with units.
-    why : str
-        One line on the difference; shown where the claim does not hold.
-    """
-
-    value: Any
-    text: str
-    why: str = ""
-
+Fact = dict[str, Any]
+"""What a study says on a claim: "value", which a rule judges, and other parts of the texts."""
 
 Finder = Callable[[Evidence, str], Fact]
 
@@ -79,3 +66,35 @@ def holds(rule: str, value: Any, expected: str) -> bool:
     """Judge a fact's value; of a tuple, every element has to pass."""
     values = value if isinstance(value, tuple) else (value,)
     return all(RULES[rule](each, expected) for each in values)
+
+
+class Words(string.Formatter):
+    """Formats the parts of a fact as people read them.
+
+    ``{part:n}`` is a number of three digits, ``{part:c}`` a change with its sign, ``{part:r}`` the
+    range of an array; what follows after a blank stands behind every value. Lists are joined by
+    commas, mappings as "name value"; mappings of mappings or of lists by semicolons.
+    """
+
+    def format_field(self, value: Any, spec: str) -> str:
+        """Format one part."""
+        if isinstance(value, Mapping):
+            nested = any(isinstance(each, Mapping | list) for each in value.values())
+            return ("; " if nested else ", ").join(
+                f"{name}{':' if nested else ''} {self.format_field(each, spec)}"
+                for name, each in value.items()
+            )
+        if isinstance(value, list | tuple):
+            return ", ".join(self.format_field(each, spec) for each in value) or "none"
+        kind, blank, unit = spec.partition(" ")
+        if kind == "r":
+            text = f"{number(np.min(value))} to {number(np.max(value))}"
+        else:
+            plain = {"n": number, "c": change}.get(kind)
+            text = plain(value) if plain else format(value, kind)
+        return f"{text}{blank}{unit}"
+
+
+def in_words(template: str, found: Fact) -> str:
+    """Return a text with the parts of a fact filled in."""
+    return Words().vformat(template, (), found)
