@@ -1,5 +1,6 @@
 """Settings of the documentation: `python3 -m sphinx docs docs/_build/html` builds the site."""
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -39,6 +40,7 @@ myst_heading_anchors = 3
 
 # Tutorials are run when the site is built, so that what they show is what the program does now.
 nb_execution_mode = "force"
+os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # of their kernels
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300

@@ -1,5 +1,6 @@
 """A limb as data: closed curves and the regions between them, read and checked."""
 
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from itertools import combinations, pairwise, permutations
@@ -165,34 +166,32 @@ class Limb(Strict):
                     yield f"curves.{name}.of: no curve '{curve.of}'; {hint}"
                 elif isinstance(self.curves[curve.of], OffsetCurve):
                     yield f"curves.{name}.of: '{curve.of}' is an offset itself; name its origin"
+        names = [region.name for region in self.regions]
+        for key in ("id", "name"):
+            counts = Counter(getattr(region, key) for region in self.regions)
+            for value in (value for value, count in counts.items() if count > 1):
+                yield f"regions: {key} {value} is used by two regions; make each unique"
+        for region in self.regions:
+            place = f"regions.{region.name}"
+            if region.id >= tags.SOCKET_ID:
+                yield f"{place}.id: {region.id} is reserved; choose one below {tags.SOCKET_ID}"
+            if region.name == tags.SOCKET:
+                yield f"{place}.name: reserved for the socket itself; choose another"
         owner: dict[str, str] = {}
         hole_of: dict[str, str] = {}
-        for key in ("id", "name"):
-            values = [getattr(region, key) for region in self.regions]
-            for value in values:
-                if values.count(value) > 1:
-                    yield f"regions: {key} {value} is used by two regions; make each unique"
-        for region in self.regions:
-            if region.id >= tags.SOCKET_ID:
-                yield (
-                    f"regions.{region.name}.id: {region.id} is reserved;"
-                    f" choose one below {tags.SOCKET_ID}"
-                )
-            if region.name == tags.SOCKET:
-                yield "regions.socket.name: reserved for the socket itself; choose another"
         for region in self.regions:
             place = f"regions.{region.name}"
             for loop in region.loops:
                 if loop not in self.curves:
                     yield f"{place}: no curve '{loop}'; {nearest(loop, self.curves)}"
+            for loop in region.holes:
+                if loop in hole_of:
+                    yield f"{place}.holes: '{loop}' is already a hole of {hole_of[loop]}"
+                hole_of[loop] = region.name
             if region.outer in owner:
-                yield f"{place}.outer: '{region.outer}' is already that of {owner[region.outer]}"
+                outer, other = region.outer, owner[region.outer]
+                yield f"{place}.outer: '{outer}' is already the outer curve of {other}"
             owner[region.outer] = region.name
-            for hole in region.holes:
-                if hole in hole_of:
-                    yield f"{place}.holes: '{hole}' is already a hole of {hole_of[hole]}"
-                hole_of[hole] = region.name
-            names = [other.name for other in self.regions]
             for other in (*region.adjacent, *region.across_fascia):
                 if other not in names:
                     yield f"{place}: no region '{other}'; {nearest(other, names)}"
@@ -209,15 +208,6 @@ class Limb(Strict):
                 f"contact_boundary: '{self.contact_boundary}' must be the one outer curve that is"
                 f" the hole of no region; these are: {', '.join(outside) or 'none'}"
             )
-
-    def region(self, name: str) -> Region:
-        """Return the region of this name."""
-        for region in self.regions:
-            if region.name == name:
-                return region
-        raise InputError(
-            f"limb: no region '{name}'; {nearest(name, [region.name for region in self.regions])}"
-        )
 
     @property
     def tissues(self) -> dict[str, str]:

@@ -65,7 +65,7 @@ class Socket(Strict):
     name : str
         What cases, tables and folders call it; in a study file that is the name of its table.
     title : str
-        For people.
+        Its name in words, for reports.
     wall_thickness : float
         From the inner face outward along its normal, mm.
     modulus, poisson : float, optional
@@ -99,7 +99,7 @@ class Socket(Strict):
         ----------
         path
             A TOML file with what a study file has under ``[sockets.NAME]``, or an outline as CSV,
-            DXF or SVG (`from_outline`).
+            DXF or SVG (`from_outline`). Its name is the socket's.
 
         Raises
         ------
@@ -112,6 +112,7 @@ class Socket(Strict):
         content = read_toml(path)
         with error_context(path):
             table = resolved(content, reference_sockets(), lambda name: _points(path.parent / name))
+        table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
 
     @staticmethod
@@ -130,14 +131,17 @@ class Socket(Strict):
         shift, rotation
             The outline is turned about the origin, in degrees, and then shifted, in mm.
         **wall
-            `title`, `wall_thickness`, `modulus` or `poisson`.
+            `title`, `wall_thickness`, `modulus` or `poisson`; and `name`, that of the file by
+            default.
 
         Raises
         ------
         InputError
             When the file cannot be read or holds no closed outline.
         """
-        return Outline(points=_points(Path(path)), shift=shift, rotation=rotation, **wall)
+        path = Path(path)
+        wall.setdefault("name", path.stem)
+        return Outline(points=_points(path), shift=shift, rotation=rotation, **wall)
 
     def elasticity(self) -> dict[str, float]:
         """Return what is the wall's own of E (MPa) and nu; empty where it is the material set's."""
@@ -170,7 +174,15 @@ class Socket(Strict):
 
 
 class NormalOffset(Socket):
-    """Inner face: the skin moved inward along its normal by base + bumps, mm."""
+    """Inner face: the skin moved inward along its normal by base + bumps, mm.
+
+    Attributes
+    ----------
+    base : float
+        Distance by which the skin is moved inward, mm.
+    bumps : tuple of Bump
+        Gaussians of the polar angle that are added.
+    """
 
     law: Literal["normal_offset"] = "normal_offset"
     base: Offset
@@ -194,6 +206,15 @@ class CircleBlend(Socket):
     with r the polar radius of the skin about the origin, its mean over the polar angle, c the
     `roundness`, s the bumps, and k such that the area, half the integral of rho^2 over the angle,
     is (1 - `area_reduction`) times the limb's. That is a quadratic equation in k.
+
+    Attributes
+    ----------
+    area_reduction : float
+        Share of the limb's area that the inner face encloses less than the skin.
+    roundness : float
+        0 the shape of the skin, 1 a circle.
+    bumps : tuple of Bump
+        Gaussians of the polar angle that are taken off.
     """
 
     law: Literal["circle_blend"] = "circle_blend"
@@ -241,7 +262,17 @@ class CircleBlend(Socket):
 
 
 class Outline(Socket):
-    """Inner face: a closed spline through points, moved: turned about the origin, then shifted."""
+    """Inner face: a closed spline through points, moved: turned about the origin, then shifted.
+
+    Attributes
+    ----------
+    points : tuple of (x, y)
+        At least four points, mm, the first not repeated.
+    shift : (float, float)
+        By which the points are moved after they were turned, mm.
+    rotation : float
+        By which they are turned about the origin, degrees, counter-clockwise.
+    """
 
     law: Literal["outline"] = "outline"
     points: Points

@@ -38,9 +38,8 @@ def solved_ring(comm: MPI.Comm) -> LoadStepper:
     return stepper
 
 
-def describe(comm: MPI.Comm) -> dict[str, object] | None:
+def describe(stepper: LoadStepper) -> dict[str, object] | None:
     """Sum the solved ring up, on rank 0."""
-    stepper = solved_ring(comm)
     fields = section_fields(stepper.problem, TISSUES)
     line = contact_line(stepper.problem)
     balance = stepper.problem.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
@@ -64,6 +63,6 @@ def describe(comm: MPI.Comm) -> dict[str, object] | None:
 
 
 if __name__ == "__main__":
-    result = describe(MPI.COMM_WORLD)
+    result = describe(solved_ring(MPI.COMM_WORLD))
     if result is not None:
         json.dump(result, sys.stdout)

@@ -31,6 +31,7 @@ def use(material_set, friction, h):
 def test_each_kind_of_law_is_compiled_once(monkeypatch, tmp_path):
     compiled = []
     monkeypatch.setattr(compilation, "_use_all_forms", compiled.append)
+    monkeypatch.setattr(compilation, "_compiled", set())
     monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", {})
     two = Ogden(mu=(1.0, 2.0), alpha=(3.0, -4.0), d1=0.0)

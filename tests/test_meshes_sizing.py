@@ -15,7 +15,7 @@ from calfsocket.meshes.sizing import (
     mesh_size,
     named_size,
 )
-from tiny_study import tiny_limb, tiny_sockets
+from tiny_study import tiny_limb, tiny_socket
 
 
 def test_a_number_has_the_shape_of_paper():
@@ -69,5 +69,5 @@ def test_a_size_that_is_final_asks_for_nothing():
 
 
 def test_a_section_has_about_so_many_triangles():
-    mesh = build(tiny_limb(), tiny_sockets()["A"], mesh_size("7000"))
+    mesh = build(tiny_limb(), tiny_socket("A"), mesh_size("7000"))
     assert len(mesh.cells) == pytest.approx(7000, rel=2 * COUNT_TOLERANCE)

@@ -232,7 +232,7 @@ def test_an_outline_is_meshed_with_a_wall_of_its_own(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "a.csv", POINTS[::3], delimiter=",")
     (tmp_path / "own.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')
     own = Socket.read(tmp_path / "own.toml")
-    assert own == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0)
+    assert own == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0, name="own")
     mesh = section.build(LIMB, own, mesh_size("coarse"))
     assert jacobian_bounds(mesh.coordinates)[0].min() > 0
     wall = areas(mesh.coordinates)[mesh.cell_tags == SOCKET_ID].sum()

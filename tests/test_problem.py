@@ -54,8 +54,12 @@ def describe(comm):
     }
 
 
-def test_what_is_prescribed_is_reached_in_few_iterations_and_balanced():
-    one = describe(MPI.COMM_SELF)
+@pytest.fixture(scope="module")
+def one():
+    return describe(MPI.COMM_SELF)
+
+
+def test_what_is_prescribed_is_reached_in_few_iterations_and_balanced(one):
     assert max(one["newton"]) <= 6
     assert abs(one["torque"]) > 1e-3
     assert abs(one["both"]) < 1e-8
@@ -63,9 +67,8 @@ def test_what_is_prescribed_is_reached_in_few_iterations_and_balanced():
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_ranks_agree(ranks, mpirun):
+def test_ranks_agree(ranks, one, mpirun):
     several = json.loads(mpirun(ranks, [Path(__file__)], timeout=120))
-    one = describe(MPI.COMM_SELF)
     assert several["newton"] == one["newton"]
     for key in ("torque", "volume"):
         assert several[key] == pytest.approx(one[key], rel=1e-9), key

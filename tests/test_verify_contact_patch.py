@@ -44,6 +44,11 @@ def usual():
     return shifted(MPI.COMM_SELF, h=2.8)
 
 
+@pytest.fixture(scope="module")
+def one():
+    return shifted(MPI.COMM_SELF, h=4.0)
+
+
 def test_pressure_on_a_stiff_socket_is_uniform_and_gets_more_so():
     coarse, fine = patch(4.0, STIFF), patch(2.0, STIFF)
     assert fine.points < 1e-3
@@ -85,8 +90,7 @@ def test_gauss_points_do_not_matter(usual):
         pytest.param(3, (2, 0), id="3-one-rank-empty"),
     ],
 )
-def test_it_does_not_matter_which_rank_holds_which_side(ranks, owner, mpirun):
-    one = shifted(MPI.COMM_SELF, h=4.0)
+def test_it_does_not_matter_which_rank_holds_which_side(ranks, owner, one, mpirun):
     several = json.loads(mpirun(ranks, ["-c", RANKS, json.dumps(owner)], timeout=120))
     assert several["newton"] == one.newton
     np.testing.assert_allclose(several["force"][0], one.force[0], rtol=1e-8)

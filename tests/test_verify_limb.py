@@ -1,7 +1,5 @@
 """The limb's verification: energy balance, mesh convergence, results read or solved."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,7 +11,8 @@ from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.simulation.case import Case, Settings
+from calfsocket.study import study
+from calfsocket.study.runner import Runner
 from calfsocket.verification import limb_runs
 from calfsocket.verification.energy import EnergyMeter
 from calfsocket.verification.limb import coarsest_first
@@ -183,36 +182,29 @@ def test_sizes_come_coarsest_first():
 # -- runs -----------------------------------------------------------------------------------------
 
 
-def test_solved_results_are_read_and_others_refused(tmp_path, monkeypatch):
-    asked = []
+def test_results_of_other_inputs_are_refused(tmp_path, monkeypatch):
+    """A folder that holds the study's results is not solved again; one of another size is named."""
+    solved = []
+    monkeypatch.setattr(Runner, "run", lambda runner, resume: solved.append((runner.out, resume)))
+    monkeypatch.setattr(study, "load_results", lambda folder: folder)
+    assert limb_runs.solved_study(tmp_path, "coarse", ["combined"]) == tmp_path
+    assert solved == [(tmp_path, True)]
 
-    def solve(comm, study):
-        asked.append([case.name for case in study.cases])
-        entries = {case.name: {"status": "solved"} for case in study.cases}
-        content = {"inputs": study.inputs(), "cases": entries}
-        (study.out / "run.json").write_text(json.dumps(content))
+    def refuse(folder, plan, overwrite):
+        raise InputError("other inputs")
 
-    monkeypatch.setattr(limb_runs, "run_study", solve)
-    settings = Settings(size="coarse")
-    limb_runs.solved_study(tmp_path, settings, ["combined"])
-    assert asked == [["TC_combined", "TSB_combined", "HS_combined"]]
-    limb_runs.solved_study(tmp_path, settings, ["combined"])
-    assert len(asked) == 1
-    content = json.loads((tmp_path / "run.json").read_text())
-    content["cases"]["HS_combined"]["status"] = "failed"
-    (tmp_path / "run.json").write_text(json.dumps(content))
-    limb_runs.solved_study(tmp_path, settings, ["combined"])
-    assert asked[1:] == [["HS_combined"]]
-    with pytest.raises(InputError, match=r"--results: .* other inputs"):
-        limb_runs.solved_study(tmp_path, Settings(size="medium"), ["combined"])
+    monkeypatch.setattr(limb_runs, "check_folder", refuse)
+    with pytest.raises(InputError, match=r"--results: .* other inputs; name another folder"):
+        limb_runs.solved_study(tmp_path, "medium", ["combined"])
+    assert len(solved) == 1
 
 
 @pytest.mark.slow
 def test_a_followed_run_balances_its_energy():
     """The quickest case: 0.01 % of its work unaccounted, the tangent exact at its end."""
-    path = follow(Case("TSB", "combined"), Settings(size="coarse"), 0.25)
+    path = follow("TSB", "combined", "coarse", 0.25)
     assert abs(path.energy.error) < 1e-4
     assert path.energy.socket[-1] > 0.01 * path.energy.work[-1]
     assert path.probe.order == pytest.approx(2.0, abs=0.05)
-    assert path.negative_modes == 0
+    assert path.end.checks.negative_modes == 0
     assert len(path.solves) == len(path.steps)

@@ -32,9 +32,18 @@ def test_residual_and_tangent_move_with_each_parameter():
     assert as_it_should(moves) == len(moves) == 24
 
 
+@pytest.fixture(scope="module")
+def recorded():
+    """Probes of all equilibria, and the solves on the way to the mixed one."""
+    with recording() as solves:
+        mixed = equilibrium_probe("mixed")
+    probes = {name: equilibrium_probe(name) for name in EQUILIBRIA if name != "mixed"}
+    return probes | {"mixed": mixed}, solves
+
+
 @pytest.mark.parametrize("name", EQUILIBRIA)
-def test_newton_is_of_second_order(name):
-    probe, status = equilibrium_probe(name)
+def test_newton_is_of_second_order(recorded, name):
+    probe, status = recorded[0][name]
     assert status == EQUILIBRIA[name][2]
     assert probe.order == pytest.approx(2.0, abs=0.01)
     assert 2 <= len(probe.before) < len(PROBES)
@@ -67,9 +76,8 @@ def test_a_tangent_that_is_not_exact_shows():
     assert probe_at(model, rest, direction).order == pytest.approx(1.0, abs=0.01)
 
 
-def test_recording_tells_iterations_and_changes_of_status():
-    with recording() as solves:
-        equilibrium_probe("mixed")
+def test_recording_has_iterations_and_changes_of_status(recorded):
+    solves = recorded[1]
     assert len(solves) == 1 + len(EQUILIBRIA["mixed"][1])
     assert all(solve.converged for solve in solves)
     assert any(solve.changes().any() for solve in solves)

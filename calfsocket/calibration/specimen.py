@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 from mpi4py import MPI
 
+from calfsocket.meshes import tags
 from calfsocket.meshes.compound import Compound, compound_mesh
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.plate import Plate
 from calfsocket.meshes.section import plated_limb_mesh
 from calfsocket.meshes.sizing import MeshSize
-from calfsocket.simulation.case import region_tissues
 
 LIMB_PLATE = Plate(width=90.0, edge_radius=8.0, thickness=12.0)
 """Wider than the limb's flank that it presses, so that its edges stay clear of the skin, mm."""
@@ -56,11 +56,11 @@ def compound_specimen(comm: MPI.Comm, compound: Compound, size: MeshSize) -> Spe
 
 
 def limb_specimen(comm: MPI.Comm, limb: Limb, size: MeshSize) -> Specimen:
-    """Mesh a limb, pressed from behind while its tibia is held (collective)."""
+    """Mesh a limb, pressed from behind while its tibia is constrained (collective)."""
     return Specimen(
         "limb",
         plated_limb_mesh(comm, limb, LIMB_PLATE, size),
-        region_tissues(limb),
+        limb.tissues | {tags.SOCKET: tags.SOCKET},
         (0.0, 1.0),
         LIMB_STROKE,
     )

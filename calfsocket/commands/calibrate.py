@@ -40,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="default: %(default)s",
     )
     what.add_argument(
-        "--compound", type=Path, metavar="FILE", help="dimensions, as meshes/compound.json"
+        "--compound",
+        type=Path,
+        metavar="FILE",
+        help="dimensions, in the format of meshes/compound.json",
     )
     what.add_argument("--stroke", type=float, metavar="MM", help="default: the specimen's own")
     options.add_size(what, default="coarse")
@@ -49,24 +52,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_friction(what)
     how = parser.add_argument_group("how to fit")
     how.add_argument(
-        "--points", type=int, default=8, metavar="N", help="of a curve (default: %(default)s)"
+        "--points",
+        type=int,
+        default=8,
+        metavar="N",
+        help="points on each curve (default: %(default)s)",
     )
     how.add_argument(
         "--start",
         action="append",
         default=[],
         metavar="KPA,ALPHA",
-        help="where to search from; may be repeated (default: 5,5 and 30,25)",
+        help="start of the search; may be repeated (default: 5,5 and 30,25)",
     )
     how.add_argument(
-        "--free-d", action="store_true", help="fit D1, too, instead of taking nu = 0.495"
+        "--free-d", action="store_true", help="also fit D1 instead of taking nu = 0.495"
     )
     how.add_argument(
         "--out",
         type=Path,
         default=Path("results/calibration"),
         metavar="DIR",
-        help="default: %(default)s, where the report of results/ finds it",
+        help="default: %(default)s, where the report of results/ looks for it",
     )
 
 

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
     from calfsocket.study.cases import Plan
 
-HELP = "verify a study file in seconds, without solving"
+HELP = "check a study file in seconds, without solving"
 DESCRIPTION = """\
-Verify a study file without solving: keys, units, ranges, the files it names, and whether each
-socket can be put on the limb. Lists the cases.
+Check a study file without solving it: keys, units, ranges, the files it names, and whether each
+socket can be put on the limb. Also list the cases.
 """
-EPILOG = "Exit code: 0 it can be run, 2 it cannot; one line says why.\n"
+EPILOG = "Exit code: 0 if the file can be run, 2 if it cannot; one line says why.\n"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

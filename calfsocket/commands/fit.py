@@ -28,7 +28,7 @@ stress_sd [UNIT], the standard deviation, and mode if wanted. Compression is neg
 are fitted together. The material is taken as incompressible.
 
 Coefficients stay at 0 or above, where the law is stable at every strain. Searches start from many
-exponents; what the data do not determine is said in words.
+exponents; the fit reports what the data do not determine.
 """
 
 EPILOG = """\
@@ -47,7 +47,9 @@ results:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("data", type=Path, nargs="+", metavar="DATA.csv", help="one test a file")
+    parser.add_argument(
+        "data", type=Path, nargs="+", metavar="DATA.csv", help="a file for each test"
+    )
     parser.add_argument("--law", required=True, metavar="LAW", help="yeoh, ogden or neo-hookean")
     parser.add_argument(
         "--terms",
@@ -58,23 +60,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--mode",
         choices=("uniaxial", "equibiaxial", "planar"),
-        help="kind of test, where the file has no column mode (default: uniaxial)",
+        help="kind of test, unless the file has a column `mode` (default: uniaxial)",
     )
     parser.add_argument(
         "--stress",
         choices=("engineering", "cauchy"),
-        help="what a column `stress` holds (default: engineering)",
+        help="meaning of a column `stress` (default: engineering)",
     )
     parser.add_argument(
         "--nu",
         type=float,
         metavar="NU",
-        help="Poisson's ratio that gives Ogden's D1, 0.5 for none (default: 0.495)",
+        help="Poisson's ratio from which Ogden's D1 follows; 0.5: incompressible (default: 0.495)",
     )
     parser.add_argument(
         "--free-signs",
         action="store_true",
-        help="let coefficients be negative; the law may then be unstable, which is checked",
+        help="allow negative coefficients; the law may then be unstable, which is checked",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("fit"), metavar="DIR", help="default: %(default)s"

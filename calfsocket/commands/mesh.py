@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 HELP = "write a mesh and a table of its quality"
-DESCRIPTION = "Write a mesh with names, and show its quality."
+DESCRIPTION = "Write a mesh with named regions and boundaries, and print a table of its quality."
 EPILOG = ""
 
 

@@ -11,8 +11,8 @@ from calfsocket.parallel.first_rank import on_first_rank
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-HELP = "write an example of a study file, to change"
-DESCRIPTION = "Write a study file with comments on all that may stand in it."
+HELP = "write an example study file to start from"
+DESCRIPTION = "Write an example study file with a remark on every key."
 EPILOG = ""
 
 

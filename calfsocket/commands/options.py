@@ -49,7 +49,7 @@ def add_material(options: Options, remark: str = "") -> None:
         action="append",
         default=[],
         metavar="TISSUE=FILE",
-        help="material file in the place of Table 1's law of a tissue, as `fit` writes it; "
+        help="material file, as `fit` writes it, that replaces Table 1's law of a tissue; "
         f"{remark}may be repeated",
     )
 
@@ -61,7 +61,7 @@ def add_friction(options: Options) -> None:
         type=friction_coefficient,
         default=0.4,
         metavar="MU",
-        help="coefficient (default: %(default)s)",
+        help="coefficient of friction (default: %(default)s)",
     )
 
 

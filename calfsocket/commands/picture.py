@@ -11,8 +11,8 @@ from calfsocket.parallel.first_rank import on_first_rank
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-HELP = "draw a solved case again"
-DESCRIPTION = "Draw a solved case again, from its files."
+HELP = "redraw the picture of a solved case"
+DESCRIPTION = "Redraw the picture of a solved case from its files."
 EPILOG = ""
 
 

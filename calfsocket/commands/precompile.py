@@ -8,8 +8,8 @@ from calfsocket.commands import OK
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-HELP = "compile all forms now rather than in the first run"
-DESCRIPTION = "Compile all forms now rather than in the first run."
+HELP = "compile all forms now instead of in the first run"
+DESCRIPTION = "Compile all forms now instead of in the first run."
 EPILOG = ""
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from calfsocket.report.damage import DamageThresholds
 
-HELP = "tables, figures and page of a solved study"
+HELP = "make tables, figures and page of a solved study"
 DESCRIPTION = """\
 Write tables, figures, the scoreboard and report.html of a study, from its files alone; a study that
 is not complete gets what it allows.

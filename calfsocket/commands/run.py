@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from calfsocket.study.study import Study
 
-HELP = "solve the study of a file"
+HELP = "solve a study file, or repeat a run.json"
 DESCRIPTION = """\
 Solve the cases of a study file, side by side on the ranks that mpirun starts; or repeat an earlier
 run from its run.json, which holds all of its inputs.
@@ -32,7 +32,7 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="study file, a run.json or the folder of one"
+        "file", type=Path, metavar="FILE", help="study file, run.json, or a folder with a run.json"
     )
     add_running(parser, "the folder that FILE names")
 

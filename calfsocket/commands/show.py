@@ -11,9 +11,9 @@ from calfsocket.parallel.first_rank import on_first_rank
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-HELP = "draw what a study file would solve"
+HELP = "draw the limb and the sockets of a study file"
 DESCRIPTION = """\
-Draw the limb with its regions, the sockets of a study file on it, and what would be solved, as PNG.
+Draw the limb with its regions, the sockets of a study file on it, and the cases, as PNG.
 """
 EPILOG = ""
 

@@ -27,8 +27,8 @@ def add_running(parser: Options, out: str) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="keep the cases that an earlier run into DIR has solved, and start those that it had "
-        "begun from their last equilibrium",
+        help="keep the cases already solved in DIR, and continue the others from their last "
+        "equilibrium",
     )
     parser.add_argument(
         "--ranks-per-case",

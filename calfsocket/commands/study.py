@@ -26,10 +26,10 @@ examples:
   python3 -m calfsocket --size coarse --out quick       the same on a coarse mesh
   python3 -m calfsocket --sockets TC,HS --materials separate
   mpirun -n 2 python3 -m calfsocket                     two cases side by side
-  python3 -m calfsocket --size coarse --variants        what depends on choices of the model
-  python3 -m calfsocket report results                  tables, figures and page again
+  python3 -m calfsocket --size coarse --variants        which results depend on choices of the model
+  python3 -m calfsocket report results                  make tables, figures and page again
   python3 -m calfsocket mesh --socket HS --out hs.msh   only a mesh, with a table of its quality
-  python3 -m calfsocket new my-study.toml               a study of one's own: an example to change
+  python3 -m calfsocket new my-study.toml               an example study file to start from
 
 results:
   summary.csv    largest stress and strain of each tissue, and contact pressure
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--socket-support",
         default="floating",
         choices=("floating", "outer-fixed"),
-        help="socket resting on the limb alone, or held at its outer face (default: %(default)s)",
+        help="socket resting on the limb alone, or fixed at its outer face (default: %(default)s)",
     )
     options.add_fascia_c10(what)
     what.add_argument(
@@ -72,8 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--variants",
         action="store_true",
-        help="solve the cases also with each choice that the paper leaves open changed (held "
-        "socket, C10, friction 0, Ogden form), and compare",
+        help="also solve the cases under each choice that the paper leaves open (fixed socket, "
+        "C10, friction 0, Ogden form), and compare",
     )
     add_running(parser.add_argument_group("how to run"), "results")
 

@@ -10,7 +10,7 @@ from calfsocket.io.errors import InputError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-HELP = "solve problems with known answers, and say how well"
+HELP = "solve problems with known answers and report the errors"
 DESCRIPTION = "Solve problems with known answers and write verification.md, with figures."
 EPILOG = ""
 
@@ -29,15 +29,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--size",
         default="coarse,medium",
         metavar="LIST",
-        help="mesh sizes of the limb, two at least (default: %(default)s)",
+        help="mesh sizes of the limb, at least two (default: %(default)s)",
     )
     parser.add_argument(
         "--results",
         type=Path,
         default=Path("results/verification"),
         metavar="DIR",
-        help="where the limb's runs are, or are put, in a folder a size (default: %(default)s); "
-        "solve them beforehand on several ranks with `--size SIZE --out DIR/SIZE`",
+        help="where the limb's runs are, or will be put, in a folder for each size (default: "
+        "%(default)s); solve them beforehand on several ranks with `--size SIZE --out DIR/SIZE`",
     )
 
 

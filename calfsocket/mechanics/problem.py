@@ -131,7 +131,7 @@ class Problem:
             self.foundation.set_load(load)
 
     def set_laws(self, laws: Mapping[str, Law]) -> None:
-        """Give regions other parameters of the laws that they have; nothing is compiled again.
+        """Change the parameters of the laws of regions; nothing is compiled again.
 
         Raises
         ------
@@ -139,7 +139,8 @@ class Problem:
             If a region would change its kind of law.
         """
         self.fields.set_laws(laws)
-        self.region_laws |= laws
+        # A new mapping: callers keep the earlier one to go back to it.
+        self.region_laws = {**self.region_laws, **laws}
 
     # -- history of friction --------------------------------------------------------------------
 

@@ -38,7 +38,23 @@ Quantity = Literal[
 
 
 class StudyTable(Strict):
-    """What is solved, and where results go."""
+    """What is solved, and where results go.
+
+    Attributes
+    ----------
+    title : str
+        Heading of the report.
+    out : str
+        Folder of the results, below the current one.
+    limb : str, optional
+        JSON file of a limb; the reference calf unless given.
+    sockets : tuple of str
+        TC, TSB, HS, or sockets of the file.
+    materials : tuple of str
+        separate, combined, or material sets of the file.
+    quantities : tuple of str
+        Columns of sweep.csv.
+    """
 
     title: Annotated[str, Field(max_length=200)] = ""
     out: Annotated[str, Field(min_length=1, max_length=200)] = "results"
@@ -71,11 +87,21 @@ class StudyTable(Strict):
 
 
 class ModelTable(Contact):
-    """What all cases share unless a case or the sweep changes it."""
+    """What all cases share unless a case or the sweep changes it.
 
-    size: str | Annotated[int, Field(strict=True)] = Field(
-        default="paper", description="coarse, medium or paper, or the number of triangles"
-    )
+    Attributes
+    ----------
+    size : str or int
+        Mesh: coarse, medium or paper, or the number of triangles.
+    socket_support : str
+        Whether the socket rests on the limb alone or is fixed at its outer face.
+    fascia_c10 : str
+        C10 of fascia: 4.91 MPa as printed, or 0.491 MPa, which the paper's tables need.
+    ogden_form : str
+        Factor of Ogden's terms in the paper's laws: 2 mu/alpha^2, or mu/alpha as printed.
+    """
+
+    size: str | Annotated[int, Field(strict=True)] = "paper"
     socket_support: SocketSupport = "floating"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
@@ -95,11 +121,19 @@ class ModelTable(Contact):
 
 
 class ThresholdTable(Strict):
-    """A level of a quantity; the summary has the share of the tissue beyond it."""
+    """A level of a quantity; the summary has the share of the tissue beyond it.
+
+    Attributes
+    ----------
+    quantity, tissue : str
+        What is compared, and where.
+    value : str
+        The level, with its unit.
+    """
 
     quantity: Literal[tuple(THRESHOLD_UNITS)]  # type: ignore[valid-type]
     tissue: Literal[SUMMARY_TISSUES] = "skin"  # type: ignore[valid-type]
-    value: Annotated[str, Field(description="with its unit", examples=["60 kPa", "50 %"])]
+    value: Annotated[str, Field(examples=["60 kPa", "50 %"])]
 
     @model_validator(mode="after")
     def _is_valid(self) -> "ThresholdTable":
@@ -114,7 +148,17 @@ class ThresholdTable(Strict):
 
 
 class CaseTable(Strict):
-    """A socket with a material set, and parameters of its own: dotted name -> value."""
+    """A socket with a material set, and parameters of its own.
+
+    Attributes
+    ----------
+    socket, materials : str
+        Names, as in `study`.
+    label : str, optional
+        Part of the case's name; the values set unless given.
+    set : mapping
+        Dotted name of a parameter -> value.
+    """
 
     socket: Name
     materials: Name

@@ -127,18 +127,10 @@ class OtherElement:
 
 @dataclass(frozen=True)
 class Bending:
-    """A fascia strip bent in muscle.
+    """A fascia strip bent in muscle."""
 
-    Attributes
-    ----------
-    force : float
-        Force that moves the right edge, N/mm.
-    deflection : float
-        Mean of the squared deflection of the fascia, root, mm.
-    """
-
-    force: float
-    deflection: float
+    force: float  #: force that moves the right edge, N/mm
+    deflection: float  #: mean of the squared deflection of the fascia, root, mm
 
 
 @cache

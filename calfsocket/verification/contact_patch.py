@@ -24,7 +24,8 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
-from calfsocket.meshes.blocks import LIMB, Rings
+from calfsocket.meshes.rings import ring_mesh
+from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.problems import held_socket
 from calfsocket.verification.report import LOG, Check, Curve, Section, curves
 from calfsocket.verification.sampling import edge_means, largest, skin_mean, worst
@@ -42,29 +43,23 @@ def pressed(comm: MPI.Comm, h: float, socket_modulus: float, contact: Contact) -
 
     The limb has a Young's modulus of 1 MPa, the socket `socket_modulus`.
     """
-    rings = Rings((10.0, 20.0), (20.0 - OVERCLOSURE, 26.0), h, 0.8 * h, turn=0.3)
+    socket = (20.0 - OVERCLOSURE, 26.0)
+    rings = ring_mesh(comm, [(LIMB, 10.0, 20.0)], socket, (h, 0.8 * h), turn=0.3)
     laws = {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)}
-    motion = held_socket(rings.mesh(comm), laws, contact)
+    motion = held_socket(rings, laws, contact)
     motion.solve()
     return motion
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """Contact pressure where it should be uniform.
+    """Contact pressure where it should be uniform."""
 
-    Attributes
-    ----------
-    points, edges : float
-        Standard deviation of the pressure of the points, and of the means over skin edges, over the
-        mean.
-    imbalance : float
-        Reaction of the core that should be zero, over the pressing force.
-    """
-
+    #: standard deviation of the pressure of the points, and of the means over skin edges, over the
+    #: mean
     points: float
     edges: float
-    imbalance: float
+    imbalance: float  #: reaction of the core that should be zero, over the pressing force
 
 
 def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatter:
@@ -83,39 +78,18 @@ def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatte
 
 @dataclass(frozen=True)
 class Shifted:
-    """A limb moved sideways in its socket.
+    """A limb moved sideways in its socket."""
 
-    Attributes
-    ----------
-    force : (2,)
-        Reaction of the core, N/mm.
-    pressing : float
-        Integral of the contact pressure, N/mm.
-    peak : float
-        Largest mean pressure of a skin edge, MPa.
-    open_share : float
-        Share of the skin that is open.
-    least_pressure : float
-        Smallest contact pressure, over the peak.
-    penetration : float
-        Largest |gap| where pressed, over the way of the core.
-    overlap : float
-        Largest negative gap where open, over the way of the core.
-    complementarity : float
-        Largest |gap| times pressure, over the way of the core and the peak pressure.
-    newton : int
-        Newton iterations in all.
-    """
-
-    force: FloatArray
-    pressing: float
-    peak: float
-    open_share: float
-    least_pressure: float
-    penetration: float
-    overlap: float
+    force: FloatArray  #: (2,) reaction of the core, N/mm
+    pressing: float  #: integral of the contact pressure, N/mm
+    peak: float  #: largest mean pressure of a skin edge, MPa
+    open_share: float  #: share of the skin that is open
+    least_pressure: float  #: smallest contact pressure, over the peak
+    penetration: float  #: largest |gap| where pressed, over the way of the core
+    overlap: float  #: largest negative gap where open, over the way of the core
+    #: largest |gap| times pressure, over the way of the core and the peak pressure
     complementarity: float
-    newton: int
+    newton: int  #: Newton iterations in all
 
 
 #: Way of the core, mm, and the steps it is made in.

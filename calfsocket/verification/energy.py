@@ -48,30 +48,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energies of a path from its begin to each of n load steps, N mm per mm of limb length.
+    """Energies of a path from its begin to each of n load steps, N mm per mm of limb length."""
 
-    Attributes
-    ----------
-    load : (n,)
-        Loads, from 0.
-    work : (n,)
-        Work of the fit.
-    limb, socket : (n,)
-        Stored energies.
-    friction : (n,)
-        Dissipated by slip of the socket's undeformed arc length.
-    lever : (n,)
-        Rest of the work of friction tractions, see above.
-    penetration : (n,)
-        Work of contact pressure on the reduced gap, > 0 where it takes energy.
-    """
-
-    load: FloatArray
-    work: FloatArray
+    load: FloatArray  #: (n,) loads, from 0
+    work: FloatArray  #: (n,) work of the fit
+    #: (n,) stored energies
     limb: FloatArray
     socket: FloatArray
-    friction: FloatArray
-    lever: FloatArray
+    friction: FloatArray  #: (n,) dissipated by slip of the socket's undeformed arc length
+    lever: FloatArray  #: (n,) rest of the work of friction tractions, see above
+    #: (n,) work of contact pressure on the reduced gap, > 0 where it takes energy
     penetration: FloatArray
 
     @property

@@ -47,26 +47,13 @@ LINE = replace(PARTIAL_SLIP, divisions=6.0)
 
 @dataclass(frozen=True)
 class Push:
-    """A disc pushed to and fro, step by step; arrays have one value a step, the first before any.
+    """A disc pushed to and fro; arrays have one value a step, the first before any."""
 
-    Attributes
-    ----------
-    line : Line
-        The problem.
-    way : (n,)
-        Where the core is, mm.
-    states : tuple of Pressed
-        Contact and reactions.
-    work : (n,)
-        Work of friction in the step, integral of -q ds, N mm per mm.
-    least_work : float
-        Smallest work of friction at a point in a step, over mu p0 times the first step's way.
-    """
-
-    line: Line
-    way: FloatArray
-    states: tuple[Pressed, ...]
-    work: FloatArray
+    line: Line  #: the problem
+    way: FloatArray  #: (n,) where the core is, mm
+    states: tuple[Pressed, ...]  #: contact and reactions
+    work: FloatArray  #: (n,) work of friction in the step, integral of -q ds, N mm per mm
+    #: smallest work of friction at a point in a step, over mu p0 times the first step's way
     least_work: float
 
     @property
@@ -148,17 +135,10 @@ def locked_shear(state: Pressed, largest: float, x: FloatArray, length: FloatArr
 
 @dataclass(frozen=True)
 class Loop:
-    """A loop without sliding: from 0 to Q1, to -Q1, and to Q1 again.
+    """A loop without sliding: from 0 to Q1, to -Q1, and to Q1 again."""
 
-    Attributes
-    ----------
-    push : Push
-        All of it.
-    top, low, end : int
-        Steps at which the loop begins, turns, and closes.
-    """
-
-    push: Push
+    push: Push  #: all of it
+    #: steps at which the loop begins, turns, and closes
     top: int
     low: int
     end: int

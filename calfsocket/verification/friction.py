@@ -42,29 +42,19 @@ BAR = 1e-3
 
 @dataclass(frozen=True)
 class TurnedRing:
-    """A limb of layers in a socket ring with an overclosure.
+    """A limb of layers in a socket ring with an overclosure."""
 
-    Attributes
-    ----------
-    layers : sequence of (name, inner radius, outer radius, law)
-        From the inside out, mm; the last one is the socket, whose inner radius is given without the
-        overclosure.
-    overclosure : float
-        By which the socket is too small, mm; small, for the linear solutions to be exact.
-    friction : float
-        Coefficient of friction.
-    h : float
-        Element side, mm.
-    """
-
+    #: from the inside out, mm; the last one is the socket, whose inner radius is given without the
+    #: overclosure
     layers: tuple[tuple[str, float, float, Hencky], ...] = (
         ("inner", 10.0, 16.0, Hencky(e=1.0, nu=0.3)),
         ("outer", 16.0, 20.0, Hencky(e=3.0, nu=0.4)),
         (tags.SOCKET, 20.0, 24.0, Hencky(e=100.0, nu=0.3)),
     )
+    #: by which the socket is too small, mm; small, for the linear solutions to be exact
     overclosure: float = 2e-4
-    friction: float = 0.4
-    h: float = 2.0
+    friction: float = 0.4  #: coefficient of friction
+    h: float = 2.0  #: element side, mm
 
     @property
     def radius(self) -> float:
@@ -119,33 +109,16 @@ class TurnedRing:
 
 @dataclass(frozen=True)
 class Loop:
-    """A turned ring, step by step; arrays have one value a step, the first before any turn.
+    """A turned ring, step by step; arrays have one value a step, the first before any turn."""
 
-    Attributes
-    ----------
-    ring : TurnedRing
-        The problem.
-    turn : (n,)
-        Turn of the socket's outer face, rad.
-    torque : (n,)
-        Torque that holds it, N mm per mm, from the reaction.
-    pressure : (n,)
-        Mean contact pressure, MPa.
-    work : (n,)
-        Work of friction in the step, N mm per mm.
-    least_work : (n,)
-        Smallest work of friction at a point in the step, relative to mu p r phi_s.
-    slip : (n,)
-        Mean slip of the skin on the socket in the step, mm.
-    """
-
-    ring: TurnedRing
-    turn: FloatArray
-    torque: FloatArray
-    pressure: FloatArray
-    work: FloatArray
+    ring: TurnedRing  #: the problem
+    turn: FloatArray  #: (n,) turn of the socket's outer face, rad
+    torque: FloatArray  #: (n,) torque that holds it, N mm per mm, from the reaction
+    pressure: FloatArray  #: (n,) mean contact pressure, MPa
+    work: FloatArray  #: (n,) work of friction in the step, N mm per mm
+    #: (n,) smallest work of friction at a point in the step, relative to mu p r phi_s
     least_work: FloatArray
-    slip: FloatArray
+    slip: FloatArray  #: (n,) mean slip of the skin on the socket in the step, mm
 
     @property
     def slope_error(self) -> float:

@@ -52,30 +52,16 @@ MATERIAL = Hencky(e=1.0, nu=0.3)
 
 @dataclass(frozen=True)
 class Line:
-    """A disc pressed on a cavity.
+    """A disc pressed on a cavity."""
 
-    Attributes
-    ----------
-    bore : float
-        Radius of the cavity in mm; infinite for a flat.
-    half_width : float
-        Half-width of contact aimed at, mm: sets how far the core is moved.
-    divisions : float
-        Element sides in a half-width.
-    limb, socket : Hencky
-        Materials of disc and cavity; linear elastic at strains of a few 1e-3.
-    friction : float
-        Coefficient of friction.
-    radius, core, thickness : float
-        Radii of the disc and of its held core, and thickness of the cavity's wall, mm.
-    """
-
-    bore: float = math.inf
-    half_width: float = 0.1
-    divisions: float = 6.0
+    bore: float = math.inf  #: radius of the cavity in mm; infinite for a flat
+    half_width: float = 0.1  #: half-width of contact aimed at, mm: sets how far the core is moved
+    divisions: float = 6.0  #: element sides in a half-width
+    #: materials of disc and cavity; linear elastic at strains of a few 1e-3
     limb: Hencky = MATERIAL
     socket: Hencky = MATERIAL
-    friction: float = 0.0
+    friction: float = 0.0  #: coefficient of friction
+    #: radii of the disc and of its held core, and thickness of the cavity's wall, mm
     radius: float = 10.0
     core: float = 7.0
     thickness: float = 5.0
@@ -146,40 +132,24 @@ PARTIAL_SLIP = Line(divisions=12.0, friction=0.4)
 
 @dataclass(frozen=True)
 class Pressed:
-    """Contact of a `Line`, on one rank.
+    """Contact of a `Line`, on one rank."""
 
-    Attributes
-    ----------
-    line : Line
-        The problem.
-    force, tangential : float
-        Force and tangential force from the reaction of the core, N/mm.
-    imbalance : float
-        |integral of the contact pressure / force - 1|.
-    half_width : float
-        From the second moment of the pressure, which is a^2/4 for Hertz's, mm.
-    peak : float
-        Largest pressure, mean over a skin edge, MPa.
-    x, pressure, shear, weight : (m,)
-        Middle of each skin edge near the floor from the centre of pressure in mm, mean traction on
-        it in MPa and its length in mm.
-    moments : tuple of float
-        Second moments of pressure and of |shear| about the centre of pressure, N mm.
-    stick_half_width : float
-        Half the length of the points that stick, mm; it counts points, so that it jumps.
-    """
-
-    line: Line
+    line: Line  #: the problem
+    #: force and tangential force from the reaction of the core, N/mm
     force: float
     tangential: float
-    imbalance: float
-    half_width: float
-    peak: float
+    imbalance: float  #: |integral of the contact pressure / force - 1|
+    half_width: float  #: from the second moment of the pressure, which is a^2/4 for Hertz's, mm
+    peak: float  #: largest pressure, mean over a skin edge, MPa
+    #: (m,) middle of each skin edge near the floor from the centre of pressure in mm, mean traction
+    #: on it in MPa and its length in mm
     x: FloatArray
     pressure: FloatArray
     shear: FloatArray
     weight: FloatArray
+    #: second moments of pressure and of |shear| about the centre of pressure, N mm
     moments: tuple[float, float]
+    #: half the length of the points that stick, mm; it counts points, so that it jumps
     stick_half_width: float
 
     @property

@@ -8,16 +8,14 @@ it was reached, and how much the choices matter that the paper leaves open.
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from calfsocket.io.errors import InputError, SolveError
+from calfsocket.io.errors import ConvergenceError, InputError
+from calfsocket.materials.material_set import BASE_SETS, BaseSet
 from calfsocket.meshes.sizing import SIZES as MESH_SIZES
 from calfsocket.meshes.sizing import named_size
 from calfsocket.meshes.socket import reference_sockets
-from calfsocket.postprocess.vtu import read_fields
-from calfsocket.simulation.case import Settings
-from calfsocket.study.study import all_cases
+from calfsocket.simulation.results import Results
 from calfsocket.verification import limb_convergence as convergence
 from calfsocket.verification.limb_path import (
     LimbPath,
@@ -28,8 +26,7 @@ from calfsocket.verification.limb_path import (
     newton_table,
     path_table,
 )
-from calfsocket.verification.limb_runs import cells, run_entries, solved_study, summary
-from calfsocket.verification.limb_variants import comparison, variant_folders
+from calfsocket.verification.limb_runs import all_checks, cells, solved_study
 from calfsocket.verification.report import Check, Section, Table
 
 SIZES = ("coarse", "medium")
@@ -37,6 +34,23 @@ RESULTS = Path("results") / "verification"
 
 STEPS = (0.25, 0.1)
 """Largest load steps of the runs that are followed; the first is the study's."""
+
+VARIANTS: dict[str, tuple[dict[str, str], tuple[BaseSet, ...]]] = {
+    "as-printed": ({"ogden_form": "as-printed"}, BASE_SETS),
+    "tables": ({"fascia_c10": "tables"}, ("separate",)),
+}
+"""Choices that differ from the study's, and the material sets that they change."""
+
+SHOWN = {
+    "mean pressure": ("skin", "contact_pressure_mean"),
+    "largest pressure": ("skin", "contact_pressure_max"),
+    "skin": ("skin", "effective_stress"),
+    "fat": ("fat", "effective_stress"),
+    "muscle": ("muscle", "effective_stress"),
+    "fascia": ("fascia", "effective_stress"),
+    "vessel": ("vessel", "effective_stress"),
+}
+"""Columns: contact pressures and the largest effective stress of each tissue, kPa."""
 
 SAME_END = 1e-3
 """Relative difference of mean contact pressure up to which two paths end on the same branch."""
@@ -77,15 +91,19 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
         Folder that has, or gets, a folder of results a size and variant.
     """
     sizes = coarsest_first(sizes)
-    folders = {size: solved_study(results / size, Settings(size=size)) for size in sizes}
-    variants = {"study": folders[sizes[0]]} | variant_folders(results, sizes[0])
-    elements = {size: cells(folder) for size, folder in folders.items()}
-    table = convergence.long_table({s: summary(folders[s]) for s in sizes}, elements)
-    paths, failed = limb_paths(sizes[0])
-    references = {path.case.name: path for path in paths if path.as_the_study(STEPS[0])}
-    fields = {
-        path.name: read_fields(path) for path in (folders[sizes[-1]] / name for name in references)
+    coarsest = sizes[0]
+    studies = {size: solved_study(results / size, size) for size in sizes}
+    variants = {"study": studies[coarsest]} | {
+        name: solved_study(results / f"{coarsest}-{name}", coarsest, sets, **changed)
+        for name, (changed, sets) in VARIANTS.items()
     }
+    elements = {size: cells(study) for size, study in studies.items()}
+    table = convergence.long_table({s: study.summary for s, study in studies.items()}, elements)
+    paths, failed = limb_paths(coarsest)
+    study_paths = [path for path in paths if path.as_the_study]
+    references = {path.name: path for path in study_paths if path.largest == STEPS[0]}
+    finest = studies[sizes[-1]]
+    fields = {record.name: finest[key].fields for key, record in finest.records.items()}
     text = [
         __doc__ or "",
         "**Mesh.** " + (convergence.__doc__ or "").partition("\n")[2].strip(),
@@ -99,9 +117,9 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
         "The limb",
         "\n\n".join(part.strip() for part in text),
         [
-            *_run_checks(folders),
+            *_run_checks(studies),
             *_mesh_checks(table, sizes[-1]),
-            *_path_checks(paths, references),
+            *_path_checks(study_paths, references),
         ],
         [
             convergence.figure(table, sizes, elements),
@@ -121,7 +139,7 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
             Table(
                 "Effective stress of fascia at Gauss points, Separate set, kPa: root mean square "
                 "and quantiles by area.",
-                _fascia_quantiles(folders),
+                _fascia_quantiles(studies),
             ),
             Table(
                 f"Ends of paths, {sizes[0]} mesh, beside the study's (steps of {STEPS[0]:g}).",
@@ -129,7 +147,7 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
             ),
             Table(
                 f"Work of the shrink fit and where it went, {sizes[0]} mesh.",
-                energy_table([path for path in paths if path.as_the_study(path.largest)]),
+                energy_table(study_paths),
                 3,
             ),
             Table(
@@ -156,18 +174,19 @@ def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
     paths, failures
         Paths that reach the full load, and what became of the others.
     """
-    settings = Settings(size=size)
     paths, failures = [], []
-    for case in all_cases(reference_sockets()):
-        ways: list[tuple[float, bool | None]] = [(largest, None) for largest in STEPS]
-        if case.material_set == "separate":
-            ways.append((STEPS[0], True))
-        for largest, extrapolate in ways:
-            try:
-                paths.append(follow(case, settings, largest, extrapolate))
-            except SolveError as error:
-                predictor = ", secant predictor" if extrapolate else ""
-                failures.append(f"steps of {largest:g}{predictor}: {error}")
+    for socket in reference_sockets():
+        for name in BASE_SETS:
+            ways = [(largest, True) for largest in STEPS]
+            if name == "separate":
+                ways.append((STEPS[0], False))
+            for largest, as_the_study in ways:
+                try:
+                    paths.append(follow(socket, name, size, largest, as_the_study))
+                except ConvergenceError as error:
+                    predictor = "" if as_the_study else ", secant predictor"
+                    case = f"{socket}_{name}: steps of {largest:g}{predictor}"
+                    failures.append(f"{case}: {error}")
     return paths, failures
 
 
@@ -196,17 +215,17 @@ def _verdicts(table: pd.DataFrame, elements: Mapping[str, float]) -> str:
 def _branches(
     paths: Sequence[LimbPath], failed: Sequence[str], references: Mapping[str, LimbPath]
 ) -> str:
-    """Say which paths end elsewhere than the study's, or fail."""
+    """Describe which paths end elsewhere than the study's, or fail."""
     other = []
     for path in paths:
-        reference = references[path.case.name]
-        mean = path.mean_pressure / reference.mean_pressure - 1.0
+        reference = references[path.name].end
+        mean = path.end.mean_pressure / reference.mean_pressure - 1.0
         if abs(mean) > SAME_END:
-            moved = np.linalg.norm(path.displacement - reference.displacement, axis=1).max()
-            predictor = "the secant predictor" if path.extrapolate else "no predictor"
+            predictor = "the secant predictor" if path.extrapolated else "no predictor"
             other.append(
-                f"{path.case.name} with steps of {path.largest:g} and {predictor} ends with "
-                f"{100 * mean:+.2f} % of mean contact pressure and points up to {moved:.2f} mm away"
+                f"{path.name} with steps of {path.largest:g} and {predictor} ends with "
+                f"{100 * mean:+.2f} % of mean contact pressure and points up to "
+                f"{path.end.moved_from(reference):.2f} mm away"
             )
     text = (
         "**Load steps.** Each run is followed with two step sizes, and the Separate set with the "
@@ -219,15 +238,14 @@ def _branches(
     return text
 
 
-def _run_checks(folders: Mapping[str, Path]) -> list[Check]:
+def _run_checks(studies: Mapping[str, Results]) -> list[Check]:
     checks = []
-    for size, folder in folders.items():
-        entries = run_entries(folder).values()
-        solved = sum(entry["status"] == "solved" for entry in entries)
-        modes = sum(entry["checks"]["negative_modes"] for entry in entries)
-        force = max(entry["checks"]["relative_force_imbalance"] for entry in entries)
+    for size, study in studies.items():
+        found, asked = all_checks(study), len(study) + len(study.left_out)
+        modes = sum(each.negative_modes for each in found)
+        force = max(each.relative_force_imbalance for each in found)
         checks += [
-            Check(f"{size}: runs at full load", solved, len(entries), "count", rule="exactly"),
+            Check(f"{size}: runs at full load", len(found), asked, "count", rule="exactly"),
             Check(f"{size}: negative modes of all runs", modes, 0, "stability", rule="exactly"),
             Check(f"{size}: force imbalance, worst run", force, 1e-6, "equilibrium"),
         ]
@@ -240,44 +258,28 @@ def _mesh_checks(table: pd.DataFrame, finest: str) -> list[Check]:
         ("skin", "contact_pressure_max"): "largest contact pressure",
         ("vessel", "pressure"): "largest vessel pressure",
     }
-    return [
-        Check(
-            f"{name}: last change, worst run",
-            float(
-                table.loc[
-                    (table["tissue"] == tissue) & (table["quantity"] == quantity),
-                    f"change_{finest}_pct",
-                ]
-                .abs()
-                .max()
-            ),
-            1.0,
-            "the mesh before",
-            "%",
-        )
-        for (tissue, quantity), name in pressures.items()
-    ]
+    found = []
+    for (tissue, quantity), name in pressures.items():
+        rows = table[(table["tissue"] == tissue) & (table["quantity"] == quantity)]
+        change = float(rows[f"change_{finest}_pct"].abs().max())
+        found.append(Check(f"{name}: last change, worst run", change, 1.0, "the mesh before", "%"))
+    return found
 
 
 def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) -> list[Check]:
-    reached = sum(path.as_the_study(path.largest) for path in paths)
-    asked = len(STEPS) * len(all_cases(reference_sockets()))
-    checks = [
-        Check("the study's paths that reach the full load", reached, asked, "count", rule="exactly")
-    ]
+    asked = len(STEPS) * len(reference_sockets()) * len(BASE_SETS)
+    name = "the study's paths that reach the full load"
+    checks = [Check(name, len(paths), asked, "count", rule="exactly")]
     for path in paths:
-        name = f"{path.case.name}, steps of {path.largest:g}"
-        if not path.as_the_study(path.largest):
-            continue
+        name = f"{path.name}, steps of {path.largest:g}"
         energy = 100.0 * path.energy.error
         checks.append(Check(f"{name}: work less energy and friction", energy, 1.0, "balance", "%"))
         if path.largest == STEPS[0]:
-            order = path.probe.order
-            checks.append(
-                Check(f"{name}: Newton's order at the end", order, 1.9, "2", rule="at least")
-            )
+            order = f"{name}: Newton's order at the end"
+            checks.append(Check(order, path.probe.order, 1.9, "2", rule="at least"))
         else:
-            mean = 100.0 * (path.mean_pressure / references[path.case.name].mean_pressure - 1.0)
+            reference = references[path.name].end.mean_pressure
+            mean = 100.0 * (path.end.mean_pressure / reference - 1.0)
             source = f"steps of {STEPS[0]:g}"
             checks.append(
                 Check(f"{name}: mean contact pressure", mean, 100.0 * SAME_END, source, "%")
@@ -285,11 +287,29 @@ def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) 
     return checks
 
 
-def _fascia_quantiles(folders: Mapping[str, Path]) -> pd.DataFrame:
-    rows = []
-    for socket in reference_sockets():
-        for size, folder in folders.items():
-            fields = read_fields(folder / f"{socket}_separate")
-            stress = convergence.stress_quantiles(fields, "fascia")
-            rows.append({"socket": socket, "mesh": size, **stress})
-    return pd.DataFrame(rows)
+def _fascia_quantiles(studies: Mapping[str, Results]) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "socket": socket,
+            "mesh": size,
+            **convergence.stress_quantiles(study[socket, "separate"].fields, "fascia"),
+        }
+        for socket in reference_sockets()
+        for size, study in studies.items()
+    )
+
+
+def comparison(studies: Mapping[str, Results]) -> pd.DataFrame:
+    """Means and maxima of each case by variant, in kPa, case by case."""
+    rows = [
+        {
+            "case": "_".join(key),
+            "variant": name,
+            **{column: study.value(*key, *of) for column, of in SHOWN.items()},
+        }
+        for name, study in studies.items()
+        for key in study
+    ]
+    table = pd.DataFrame(rows)
+    cases = list(dict.fromkeys(table["case"]))
+    return table.sort_values("case", key=lambda c: c.map(cases.index), kind="stable")

@@ -33,7 +33,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -42,24 +41,12 @@ from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.parameters import Contact
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps
-from calfsocket.meshes import tags
-from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.section import section_mesh
-from calfsocket.meshes.sizing import mesh_size
-from calfsocket.meshes.socket import Socket
-from calfsocket.postprocess.contact_line import ContactLine
-from calfsocket.postprocess.extract import KILOPASCAL, contact_line, section_fields
-from calfsocket.postprocess.quantities import running_mean, summary_rows
-from calfsocket.simulation.case import (
-    FORCE_TOLERANCE,
-    GAP_TOLERANCE,
-    Case,
-    Settings,
-    case_laws,
-    region_tissues,
-)
+from calfsocket.postprocess.contact_line import ContactLine, running_mean
+from calfsocket.postprocess.extract import KILOPASCAL
+from calfsocket.simulation.record import FORCE_TOLERANCE, GAP_TOLERANCE
+from calfsocket.verification.limb_runs import End, one_case
 from calfsocket.verification.release_paths import path_problem
-from calfsocket.verification.report import Check, Figure, Section, curves
+from calfsocket.verification.report import Check, Figure, Section, Table, curves
 from calfsocket.verification.sampling import Slid
 
 FloatArray = NDArray[np.float64]
@@ -67,44 +54,22 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fitting:
-    """A socket put on the limb by one path.
+    """A socket put on the limb by one path."""
 
-    Attributes
-    ----------
-    line : ContactLine
-        Contact at the end.
-    summary : DataFrame
-        Rows of summary.csv.
-    displacement : (n, 2)
-        Of the limb's nodes, mm; a socket without friction is free to turn.
-    history : DataFrame
-        By converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share.
-    slid : (m,)
-        Way that each point of `line` slid in all, mm.
-    imbalance : float
-        Force imbalance over the pressing force.
-    negative_modes : int
-        Of the end.
-    """
-
-    line: ContactLine
-    summary: pd.DataFrame
-    displacement: FloatArray
+    end: End  #: the limb at full load
+    #: by converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share
     history: pd.DataFrame
-    slid: FloatArray
-    imbalance: float
-    negative_modes: int
+    slid: FloatArray  #: (m,) way that each point of the contact line slid in all, mm
+
+    @property
+    def line(self) -> ContactLine:
+        """Contact at the end."""
+        return self.end.line
 
     @property
     def mean_pressure(self) -> float:
         """Mean contact pressure, kPa."""
-        line = self.line
-        return float(line.weight_mm @ line.pressure_kPa / line.weight_mm.sum())
-
-    @property
-    def peak_pressure(self) -> float:
-        """Largest contact pressure, running mean over 3 mm, kPa."""
-        return float(running_mean(self.line).max())
+        return self.end.mean_pressure
 
     @property
     def shear_ratio(self) -> float:
@@ -113,27 +78,21 @@ class Fitting:
         pressing = line.weight_mm @ line.pressure_kPa
         return float(line.weight_mm @ np.abs(line.shear_kPa) / pressing)
 
-    def maximum(self, tissue: str, quantity: str) -> float:
-        """Value of a row of the summary."""
-        rows = self.summary
-        at = (rows["tissue"] == tissue) & (rows["quantity"] == quantity)
-        return float(rows.loc[at, "value"].iloc[0])
-
 
 def fit(
-    case: Case,
+    socket: str,
     path: str,
     largest: float,
     size: str = "coarse",
     contact: Contact | None = None,
     support: SocketSupport = "floating",
 ) -> Fitting:
-    """Put a socket on the limb.
+    """Put a socket on the limb, in the Separate set.
 
     Parameters
     ----------
-    case : Case
-        Socket and material set.
+    socket : str
+        Its name.
     path : str
         One of `release_paths.PATHS`.
     largest : float
@@ -145,14 +104,9 @@ def fit(
     support : str
         Whether the socket floats.
     """
-    limb, laws, tissues = (
-        Limb.reference(),
-        case_laws(case, Settings()),
-        region_tissues(Limb.reference()),
-    )
-    section = section_mesh(MPI.COMM_SELF, limb, Socket.reference(case.socket), mesh_size(size))
-    region_laws = {name: laws[tissues[name]] for name in section.regions}
-    problem = path_problem(path, section, region_laws, contact, support)
+    case, section = one_case(socket, "separate", size)
+    laws = {name: case.region_laws[name] for name in section.regions}
+    problem = path_problem(path, section, laws, contact, support)
     skin = problem.contact
     history: list[dict[str, float]] = []
     slid = np.zeros(len(skin.points.weight))
@@ -174,20 +128,9 @@ def fit(
     steps = LoadSteps(first=min(0.1, largest), largest=largest)
     stepper = LoadStepper(problem, steps, on_step=watch)
     stepper.run()
-    fields, line = section_fields(problem, tissues), contact_line(problem)
-    assert fields is not None and line is not None  # on one rank
-    limb_nodes = np.unique(fields.cells[fields.region != section.regions[tags.SOCKET]])
-    imbalance, pressing = problem.force_balance(stepper.newton.x, tags.TIBIA_MEDULLARY)
-    order = cKDTree(skin.deformed_points()).query(np.stack([line.x_mm, line.y_mm], 1))[1]
-    return Fitting(
-        line=line,
-        summary=summary_rows(fields, line, *case.key),
-        displacement=fields.displacement[limb_nodes],
-        history=pd.DataFrame(history),
-        slid=slid[order],
-        imbalance=imbalance / pressing,
-        negative_modes=stepper.newton.negative_modes(),
-    )
+    end = End.of(stepper, case.limb)
+    order = cKDTree(skin.deformed_points()).query(end.line.points)[1]
+    return Fitting(end, pd.DataFrame(history), slid[order])
 
 
 def _history_row(load: float, state: ContactState, weight: FloatArray) -> dict[str, float]:
@@ -229,42 +172,41 @@ def report(size: str = "coarse") -> Section:
     """
     checks, figures, rows, findings = [], [], [], []
     for socket in SOCKETS:
-        case = Case(socket, "separate")
         ends = {}
         for path, steps in STEPS.items():
-            fits = [fit(case, path, step, size) for step in steps]
-            rows += [_row(case, path, step, made) for step, made in zip(steps, fits, strict=True)]
+            fits = [fit(socket, path, step, size) for step in steps]
+            rows += [_row(socket, path, step, made) for step, made in zip(steps, fits, strict=True)]
             ends[path] = fits[-1]
             if len(fits) > 1:
                 change = fits[-2].shear_ratio / fits[-1].shear_ratio - 1.0
                 name = f"{socket}, {path}: shear over pressure, step {steps[-2]} for {steps[-1]}"
                 checks.append(Check(name, change, 0.01, SAME))
-        ends[NO_FRICTION] = fit(case, "closed", 0.1, size, FREE)
-        rows.append(_row(case, NO_FRICTION, 0.1, ends[NO_FRICTION]))
+        ends[NO_FRICTION] = fit(socket, "closed", 0.1, size, FREE)
+        rows.append(_row(socket, NO_FRICTION, 0.1, ends[NO_FRICTION]))
         checks += _end_checks(socket, ends)
         figures += _figures(socket, ends)
         findings.append(_finding(socket, ends))
-    case = Case("TSB", "separate")
-    rows.append(_row(case, "stiffened", 0.1, fit(case, "stiffened", 0.1, size)))
+    rows.append(_row("TSB", "stiffened", 0.1, fit("TSB", "stiffened", 0.1, size)))
     for ratio in SPRINGS:
-        springs = Contact(gamma_t=ratio * FREE.gamma)
-        made = fit(case, "stiffened", 0.05, size, springs)
-        rows.append(_row(case, f"stiffened, e_t/e = {ratio:g}", 0.05, made))
-    smooth = fit(case, "stiffened", 0.1, size, FREE).line
-    exact = fit(case, "closed", 0.1, size, FREE).line
-    difference = np.abs(smooth.pressure_kPa - exact.pressure_kPa).max() / exact.pressure_kPa.max()
+        made = fit("TSB", "stiffened", 0.05, size, Contact(gamma_t=ratio * FREE.gamma))
+        rows.append(_row("TSB", f"stiffened, e_t/e = {ratio:g}", 0.05, made))
+    smooth, exact = (
+        fit("TSB", path, 0.1, size, FREE).line.pressure_kPa for path in ("stiffened", "closed")
+    )
+    difference = float(np.abs(smooth - exact).max() / exact.max())
     name = "TSB without friction, stiffened: largest difference of pressure"
-    checks.append(Check(name, float(difference), 1e-5, SAME))
-    text = "\n".join([__doc__ or "", *findings, "", _markdown(rows)])
-    return Section("Friction on the limb", text, checks, figures)
+    checks.append(Check(name, difference, 1e-5, SAME))
+    text = "\n".join([__doc__ or "", *findings])
+    table = Table("Ends of the paths, Separate set.", pd.DataFrame(rows))
+    return Section("Friction on the limb", text, checks, figures, [table])
 
 
 def _end_checks(socket: str, ends: dict[str, Fitting]) -> list[Check]:
     """Check what every path must end in."""
     lines = [made.line for made in ends.values()]
     gap = max(float(np.abs(line.gap_mm[line.status != "open"]).max()) for line in lines)
-    imbalance = max(made.imbalance for made in ends.values())
-    modes = sum(made.negative_modes for made in ends.values())
+    imbalance = max(made.end.checks.relative_force_imbalance for made in ends.values())
+    modes = sum(made.end.checks.negative_modes for made in ends.values())
     closed = ends["closed"].mean_pressure
     return [
         *(
@@ -279,12 +221,12 @@ def _end_checks(socket: str, ends: dict[str, Fitting]) -> list[Check]:
 
 
 def _finding(socket: str, ends: dict[str, Fitting]) -> str:
-    """Say how far each path ends from the study's."""
+    """Describe how far each path ends from the study's."""
     closed, others = ends["closed"], []
     for path, made in ends.items():
         if path == "closed":
             continue
-        moved = np.linalg.norm(made.displacement - closed.displacement, axis=1).max()
+        moved = made.end.moved_from(closed.end)
         pressure = np.abs(made.line.pressure_kPa - closed.line.pressure_kPa).max()
         others.append(f"{pressure:.1f} kPa and {moved:.2f} mm ({path})")
     return (
@@ -293,35 +235,28 @@ def _finding(socket: str, ends: dict[str, Fitting]) -> str:
     )
 
 
-def _row(case: Case, path: str, step: float, made: Fitting) -> dict[str, str]:
+def _row(socket: str, path: str, step: float, made: Fitting) -> dict[str, str]:
     """Row of the table: what the path changes."""
     line = made.line
     return {
-        "socket": case.socket,
-        "set": case.material_set,
+        "socket": socket,
         "path": path,
         "step": f"{step:g}",
         "mean pressure, kPa": f"{made.mean_pressure:.2f}",
-        "largest, kPa": f"{made.peak_pressure:.1f}",
+        "largest, kPa": f"{line.running_mean_kPa.max():.1f}",
         "shear / pressure": f"{made.shear_ratio:.4f}",
         "slips at the end": f"{np.average(line.status == 'slip', weights=line.weight_mm):.3f}",
         "slid, um": f"{1e3 * np.average(made.slid, weights=line.weight_mm):.1f}",
     } | {
-        f"{tissue}, {unit}": f"{made.maximum(tissue, quantity):.3g}"
+        f"{tissue}, {unit}": f"{made.end.value(tissue, quantity):.3g}"
         for tissue, quantity, unit in TISSUES
     }
-
-
-def _markdown(rows: list[dict[str, str]]) -> str:
-    head = list(rows[0])
-    lines = [head, ["---"] * len(head), *(list(row.values()) for row in rows)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def _figures(socket: str, made: dict[str, Fitting]) -> list[Figure]:
     """Pressure, shear and slip along the skin, and shear as the pressure rises."""
     rough = {path: end for path, end in made.items() if path != NO_FRICTION}
-    pressures = {path: running_mean(end.line) for path, end in made.items()}
+    pressures = {path: end.line.running_mean_kPa for path, end in made.items()}
     shears = {path: _mean_along(end.line, end.line.shear_kPa) for path, end in rough.items()}
     ways = {path: 1e3 * _mean_along(end.line, end.slid) for path, end in rough.items()}
     name, along = f"limb_friction_{socket}", "along the skin from lateral, by anterior, mm"

@@ -6,17 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from mpi4py import MPI
-from numpy.typing import NDArray
 
-from calfsocket.io.errors import SolveError
-from calfsocket.mechanics.stepping import LoadStep
-from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import Socket
-from calfsocket.postprocess.extract import contact_line, section_fields
-from calfsocket.postprocess.quantities import summary_rows
-from calfsocket.simulation.case import Case, Run, Settings, region_tissues, step_control
+from calfsocket.materials.material_set import BaseSet
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper
 from calfsocket.verification.energy import EnergyBalance, EnergyMeter
+from calfsocket.verification.limb_runs import End, one_case
 from calfsocket.verification.newton import (
     LAST_ITERATIONS,
     TOLERANCE,
@@ -26,127 +21,83 @@ from calfsocket.verification.newton import (
     probe_at,
     recording,
 )
-from calfsocket.verification.report import Figure
+from calfsocket.verification.report import LOG, Curve, Figure, curves
 
 
 @dataclass(frozen=True)
 class LimbPath:
-    """A run from load 0 to 1.
+    """A case followed from load 0 to 1."""
 
-    Attributes
-    ----------
-    case : Case
-        What was solved.
-    largest : float
-        Largest load step allowed.
-    extrapolate : bool
-        Whether each step began from the secant through the last two states.
-    steps : tuple of LoadStep
-        Failed ones too.
-    solves : list of Solve
-        Newton's iterates of each step.
-    energy : EnergyBalance
-        Work of the shrink fit and where it went.
-    probe : Probe
-        Newton's method at the end state, along the last step.
-    summary : DataFrame
-        Rows of summary.csv.
-    displacement : (n, 2)
-        Of the mesh nodes at the end, mm.
-    negative_modes : int
-        Of the end state.
-    """
-
-    case: Case
-    largest: float
-    extrapolate: bool
-    steps: tuple[LoadStep, ...]
-    solves: list[Solve]
-    energy: EnergyBalance
-    probe: Probe
-    summary: pd.DataFrame
-    displacement: NDArray[np.float64]
-    negative_modes: int
+    #: what was solved
+    socket: str
+    material_set: str
+    largest: float  #: largest load step allowed
+    as_the_study: bool  #: whether steps were extrapolated where the study does so, and only there
+    steps: tuple[LoadStep, ...]  #: failed ones too
+    solves: list[Solve]  #: Newton's iterates of each step
+    energy: EnergyBalance  #: work of the shrink fit and where it went
+    probe: Probe  #: Newton's method at the end, along the last step
+    end: End  #: the equilibrium at full load
 
     @property
-    def mean_pressure(self) -> float:
-        """Mean contact pressure at the end, kPa."""
-        return self.value("skin", "contact_pressure_mean")
+    def name(self) -> str:
+        """Name of the case."""
+        return f"{self.socket}_{self.material_set}"
 
-    def as_the_study(self, largest: float) -> bool:
-        """Whether it has these steps, and the study's extrapolation."""
-        return self.largest == largest and self.extrapolate == (
-            self.case.material_set == "combined"
-        )
-
-    def value(self, tissue: str, quantity: str) -> float:
-        """Value of a quantity at the end."""
-        table = self.summary
-        rows = table[(table.tissue == tissue) & (table["quantity"] == quantity)]
-        return float(rows["value"].iloc[0])
+    @property
+    def extrapolated(self) -> bool:
+        """Whether each step began from the secant through the last two states."""
+        return self.as_the_study == (self.material_set == "combined")
 
 
 def follow(
-    case: Case, settings: Settings, largest: float, extrapolate: bool | None = None
+    socket: str, material_set: BaseSet, size: str, largest: float, as_the_study: bool = True
 ) -> LimbPath:
-    """Solve a case with load steps of at most `largest` (one rank).
-
-    Parameters
-    ----------
-    case, settings
-        What to solve.
-    largest : float
-        Largest load step; the first one is no larger.
-    extrapolate : bool, optional
-        Whether to extrapolate; as the study does unless given.
+    """Solve a case with load steps of at most `largest`, on one rank.
 
     Raises
     ------
-    SolveError
-        If the run does not reach the full load.
+    ConvergenceError
+        If the full load is not reached.
     """
-    limb = Limb.reference()
-    socket = Socket.reference(case.socket)
     with recording() as solves:
-        run = Run(MPI.COMM_SELF, case, settings, limb, socket, on_step=lambda s: record(s))
-        stepper, model = run.stepper, run.model
-        control = step_control(case, settings)
-        changes = {"first": min(largest, control.first), "largest": largest}
-        if extrapolate is not None:
-            changes["extrapolate"] = extrapolate
-        stepper.control = control = control.model_copy(update=changes)
-        meter = EnergyMeter(model)
-        states = [stepper.newton.x.array.copy()]
+        case, section = one_case(socket, material_set, size)
+        laws = {name: case.region_laws[name] for name in section.regions}
+        problem = limb_problem(section, laws, case.contact, case.support)
+        steps = case.steps.model_copy(
+            update={
+                "first": min(largest, case.steps.first),
+                "largest": largest,
+                "extrapolate": as_the_study == bool(case.steps.extrapolate),
+            }
+        )
+        meter = EnergyMeter(problem)
+        states: list[np.ndarray] = []
 
         def record(step: LoadStep) -> None:
             meter.record(step)
             if step.newton.converged:
                 states.append(stepper.newton.x.array.copy())
 
-        run.solve()
-    if run.failure:
-        raise SolveError(f"{case.name}: {run.failure}")
-    fields = section_fields(model, region_tissues(limb))
-    line = contact_line(model)
-    assert fields is not None and line is not None  # one rank
+        stepper = LoadStepper(problem, steps, on_step=record)
+        stepper.run()
     return LimbPath(
-        case=case,
+        socket=socket,
+        material_set=material_set,
         largest=largest,
-        extrapolate=control.extrapolate,
+        as_the_study=as_the_study,
         steps=tuple(stepper.steps),
         solves=solves,
         energy=meter.balance(),
-        probe=probe_at(model, stepper.newton.x, states[-1] - states[-2]),
-        summary=summary_rows(fields, line, case.socket, case.material_set),
-        displacement=fields.displacement,
-        negative_modes=stepper.newton.negative_modes(),
+        probe=probe_at(problem, stepper.newton.x, states[-1] - states[-2]),
+        end=End.of(stepper, case.limb),
     )
 
 
-def largest_change(path: LimbPath, other: LimbPath) -> tuple[float, str]:
-    """Largest relative change of a number of the summary from one path to another, and its name."""
-    before, after = path.summary["value"].to_numpy(), other.summary["value"].to_numpy()
-    change = np.abs(np.abs(after) - np.abs(before)) / np.abs(before)
+def largest_change(path: End, other: End) -> tuple[float, str]:
+    """Largest relative change of a number of the summary from one end to another, and its name."""
+    before, after = (end.summary["value"].abs().to_numpy() for end in (path, other))
+    change = np.abs(after - before) / before
     row = path.summary.iloc[int(np.argmax(change))]
     return float(change.max()), f"{row.tissue} {row.quantity}"
 
@@ -155,22 +106,21 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
     """Sum paths up, each beside the reference of its case."""
     rows = []
     for path in paths:
-        reference = references[path.case.name]
-        change, where = largest_change(reference, path)
-        moved = np.linalg.norm(path.displacement - reference.displacement, axis=1).max()
+        reference = references[path.name].end
+        change, where = largest_change(reference, path.end)
         rows.append(
             {
-                "case": path.case.name,
+                "case": path.name,
                 "largest step": path.largest,
-                "predictor": "secant" if path.extrapolate else "none",
-                "steps": len(path.energy.load) - 1,
-                "Newton": sum(step.newton.iterations for step in path.steps),
-                "mean pressure, kPa": path.mean_pressure,
-                "largest pressure, kPa": path.value("skin", "contact_pressure_max"),
-                "points moved by, mm": float(moved),
+                "predictor": "secant" if path.extrapolated else "none",
+                "steps": path.end.checks.steps,
+                "Newton": path.end.checks.newton_iterations,
+                "mean pressure, kPa": path.end.mean_pressure,
+                "largest pressure, kPa": path.end.value("skin", "contact_pressure_max"),
+                "points moved by, mm": path.end.moved_from(reference),
                 "largest change, %": 100.0 * change,
                 "of": where,
-                "negative modes": path.negative_modes,
+                "negative modes": path.end.checks.negative_modes,
             }
         )
     return pd.DataFrame(rows)
@@ -180,23 +130,17 @@ def energy_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
     """Show where the work of the shrink fit went, as shares of it."""
     rows = []
     for path in paths:
-        energy = path.energy
+        energy, work = path.energy, float(path.energy.work[-1])
         shares = {
-            "limb": energy.limb,
-            "socket": energy.socket,
-            "friction": energy.friction,
-            "lever": energy.lever,
-            "penetration": energy.penetration,
+            f"{name}, %": 100.0 * float(getattr(energy, name)[-1]) / work
+            for name in ("limb", "socket", "friction", "lever", "penetration")
         }
         rows.append(
             {
-                "case": path.case.name,
+                "case": path.name,
                 "largest step": path.largest,
-                "work, N mm per mm": float(energy.work[-1]),
-                **{
-                    f"{name}, %": float(100.0 * share[-1] / energy.work[-1])
-                    for name, share in shares.items()
-                },
+                "work, N mm per mm": work,
+                **shares,
                 "work less limb, socket, friction, %": 100.0 * energy.error,
                 "less lever, penetration, too, %": 100.0 * energy.full_error,
             }
@@ -217,7 +161,7 @@ def newton_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
         ]
         rows.append(
             {
-                "case": path.case.name,
+                "case": path.name,
                 "iterations": len(last.before),
                 "contact changes": int(np.count_nonzero(last.changes)),
                 "cut": int(np.count_nonzero(last.cut)),
@@ -257,22 +201,18 @@ def newton_figure(paths: Sequence[LimbPath]) -> Figure:
 
 def energy_figure(paths: Sequence[LimbPath]) -> Figure:
     """Plot what the energy balance leaves over the load step."""
-
-    def draw(axes: Axes) -> None:
-        cases = dict.fromkeys(path.case.name for path in paths)
-        for k, name in enumerate(cases):
-            own = [p for p in paths if p.case.name == name and p.as_the_study(p.largest)]
-            steps = [float(np.diff(p.energy.load).max()) for p in own]
-            left = [100.0 * abs(p.energy.full_error) for p in own]
-            style = "o-" if own[0].case.material_set == "separate" else "s--"
-            axes.loglog(steps, left, style, color=f"C{k // 2}", label=name)
-        ends = np.array([min(steps), max(steps)])
-        axes.loglog(ends, ends**2, "k:", lw=1, label="slope 2")
-        axes.set(xlabel="largest load step", ylabel="unaccounted, % of the work")
-        axes.legend(fontsize="small")
-
-    return Figure(
+    lines: list[Curve] = []
+    for k, name in enumerate(dict.fromkeys(path.name for path in paths)):
+        followed = [path for path in paths if path.name == name and path.as_the_study]
+        steps = [float(np.diff(path.energy.load).max()) for path in followed]
+        left = [100.0 * abs(path.energy.full_error) for path in followed]
+        style = "s--" if followed[0].material_set == "combined" else "o-"
+        lines.append((steps, left, f"{style}C{k // 2}", name))
+    ends = np.array([min(steps), max(steps)])
+    return curves(
         "limb_energy",
-        draw,
         "Work of the shrink fit less all energies, with lever and penetration, by load step.",
+        ("largest load step", "unaccounted, % of the work"),
+        [*lines, (ends, ends**2, "k:", "slope 2")],
+        **LOG,
     )

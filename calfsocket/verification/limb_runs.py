@@ -1,85 +1,130 @@
-"""Solved studies of the limb: read from their folders, or solved into them."""
+"""The limb: studies solved into folders, and single cases to be followed step by step."""
 
-import json
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
+from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
+from calfsocket.mechanics.stepping import LoadStepper
+from calfsocket.meshes import tags
+from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import reference_sockets
-from calfsocket.simulation.case import Case, Settings
-from calfsocket.study.study import RUN_FILE, Study, check_folder, run_study
+from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.socket import Socket
+from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.extract import contact_line, section_fields
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import Quantities, summary
+from calfsocket.simulation.record import Checks
+from calfsocket.simulation.results import Results
+from calfsocket.simulation.simulation import Simulation, check
+from calfsocket.study.record import check_folder
+from calfsocket.study.study import Study
 
 
 def solved_study(
-    folder: Path, settings: Settings, material_sets: Sequence[BaseSet] = BASE_SETS
-) -> Path:
-    """Make sure that a folder holds the cases of all sockets, and return it.
+    folder: Path, size: str, material_sets: Sequence[BaseSet] = BASE_SETS, **model: str
+) -> Results:
+    """Solve the paper's study into a folder, unless the folder holds its results; return them.
 
-    Cases are solved on this rank unless the folder holds them, made with the same inputs; so a
-    study may be solved beforehand, on several ranks.
+    A study may be solved beforehand, on several ranks.
 
     Parameters
     ----------
     folder : Path
         Of the results.
-    settings : Settings
-        What the cases share.
+    size : str
+        Mesh size.
     material_sets : sequence of str
-        Which cases.
+        Which cases of each socket.
+    **model
+        Keys of the study file's table "model" that differ.
 
     Raises
     ------
     InputError
-        If the folder holds results that were made with other inputs.
+        If the folder holds results from other inputs.
     """
-    sockets = reference_sockets()
-    study = Study(
-        cases=tuple(Case(s, name) for s in sockets for name in material_sets),
-        settings=settings,
-        limb=Limb.reference(),
-        sockets=sockets,
-        out=folder,
-        pictures=False,
-    )
+    tables: dict[str, dict[str, Any]] = {
+        "study": {"materials": list(material_sets)},
+        "model": {"size": size, **model},
+    }
+    study = Study.paper().changed(tables)
     try:
-        check_folder(study, overwrite=False)
+        check_folder(folder, study.plan, overwrite=False)
     except InputError:
         raise InputError(
-            f"--results: {folder} cannot be written, or holds results made with other inputs; "
+            f"--results: {folder} cannot be written, or holds results from other inputs; "
             "name another folder"
         ) from None
-    entries = run_entries(folder)
-    missing = tuple(
-        case for case in study.cases if entries.get(case.name, {}).get("status") != "solved"
-    )
-    if missing:
-        run_study(MPI.COMM_SELF, Study(**(vars(study) | {"cases": missing})))
-    return folder
+    return study.run(MPI.COMM_SELF, folder, resume=True, pictures=False)
 
 
-def run_entries(folder: Path) -> dict[str, dict[str, Any]]:
-    """Entries of the cases in run.json; none if there is no such file."""
-    path = folder / RUN_FILE
-    if not path.exists():
-        return {}
-    entries: dict[str, dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["cases"]
-    return entries
-
-
-def summary(folder: Path) -> pd.DataFrame:
-    """Read summary.csv of the cases that reached their full load."""
-    table = pd.read_csv(folder / "summary.csv")
-    table["region"] = table["region"].fillna("")
-    solved = [name for name, entry in run_entries(folder).items() if entry["status"] == "solved"]
-    return table[(table["socket"] + "_" + table["material_set"]).isin(solved)]
-
-
-def cells(folder: Path) -> float:
+def cells(results: Results) -> float:
     """Mean number of elements of the cases."""
-    counts = [entry["cells"] for entry in run_entries(folder).values()]
-    return sum(counts) / len(counts)
+    return float(np.mean([checks.cells for checks in all_checks(results)]))
+
+
+def all_checks(results: Results) -> list[Checks]:
+    """Return the checks of the solved cases."""
+    return [record.checks for record in results.records.values() if record.checks]
+
+
+def one_case(socket: str, material_set: BaseSet, size: str) -> tuple[Simulation, SectionMesh]:
+    """Return a case of the paper's study, and its mesh, on one rank."""
+    materials = MaterialSet.paper(material_set)
+    limb, shape = Limb.reference(), Socket.reference(socket)
+    case = Simulation(limb, shape, materials, mesh_size=size, comm=MPI.COMM_SELF)
+    return case, section_mesh(MPI.COMM_SELF, limb, shape, case.mesh_size)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """The limb at full load."""
+
+    checks: Checks  #: as of every result
+    #: stress and strain of the section, and contact along the skin
+    fields: SectionFields
+    line: ContactLine
+
+    @classmethod
+    def of(cls, stepper: LoadStepper, limb: Limb) -> "End":
+        """Take the equilibrium that a stepper has come to, on one rank."""
+        fields = section_fields(stepper.problem, limb.tissues | {tags.SOCKET: tags.SOCKET})
+        line = contact_line(stepper.problem)
+        assert fields is not None and line is not None
+        return cls(check(stepper), fields, line)
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Rows of summary.csv."""
+        return summary(Quantities.of(self.fields), self.line)
+
+    def value(self, tissue: str, quantity: str) -> float:
+        """Value of a row of the summary."""
+        rows = self.summary
+        return float(rows[(rows.tissue == tissue) & (rows.quantity == quantity)]["value"].iloc[0])
+
+    @property
+    def mean_pressure(self) -> float:
+        """Mean contact pressure, kPa."""
+        return self.value("skin", "contact_pressure_mean")
+
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """Of the limb's nodes, mm; (n, 2). A socket without friction is free to turn."""
+        names = {name: tag for tag, name in self.fields.region_names.items()}
+        limb = np.unique(self.fields.cells[self.fields.region != names[tags.SOCKET]])
+        return self.fields.displacement[limb]
+
+    def moved_from(self, other: "End") -> float:
+        """Largest distance of a node of the limb from its place in another end, mm."""
+        return float(np.linalg.norm(self.displacement - other.displacement, axis=1).max())

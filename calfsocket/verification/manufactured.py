@@ -121,18 +121,10 @@ def body_force(exact: Manufactured, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Errors over element sizes.
+    """Errors over element sizes."""
 
-    Attributes
-    ----------
-    h : (n,)
-        Element sizes, mm.
-    errors : dict of str to (n,)
-        Relative errors: "u L2", "u H1" (of the gradient) and "p L2".
-    """
-
-    h: FloatArray
-    errors: dict[str, FloatArray]
+    h: FloatArray  #: (n,) element sizes, mm
+    errors: dict[str, FloatArray]  #: relative errors: "u L2", "u H1" (of the gradient) and "p L2"
 
     def rate(self, norm: str) -> float:
         """Slope of the error over h, fitted in the logarithms."""

@@ -42,20 +42,12 @@ PROBES = tuple(1e-2 * 0.5**k for k in range(7))
 
 @dataclass
 class Solve:
-    """One Newton solve, iterate by iterate.
+    """One Newton solve, iterate by iterate."""
 
-    Attributes
-    ----------
-    norms : list of float
-        Residual norms, N/mm.
-    contact : list of (n,) int
-        Status and socket edge of the skin points in one number (`contact_numbers`).
-    evaluations : list of int
-        Residuals computed so far; a whole step takes one.
-    """
-
-    norms: list[float] = field(default_factory=list)
+    norms: list[float] = field(default_factory=list)  #: residual norms, N/mm
+    #: status and socket edge of the skin points in one number (`contact_numbers`)
     contact: list[NDArray[np.int64]] = field(default_factory=list)
+    #: residuals computed so far; a whole step takes one
     evaluations: list[int] = field(default_factory=list)
 
     @property
@@ -70,7 +62,7 @@ class Solve:
         )
 
     def cuts(self) -> NDArray[np.bool_]:
-        """Tell in which iterations the line search cut the step."""
+        """Mark the iterations in which the line search cut the step."""
         return np.diff(self.evaluations) > 1
 
 
@@ -95,25 +87,14 @@ def recording() -> Iterator[list[Solve]]:
 
 @dataclass(frozen=True)
 class Iterations:
-    """The last two iterations of many solves.
+    """The last two iterations of many solves."""
 
-    Attributes
-    ----------
-    before, after : (n,)
-        Residual norms, N/mm.
-    changes : (n,) int
-        Contact points that change their status or edge.
-    cut : (n,) bool
-        Whose step the line search cut.
-    last : (n,) bool
-        Which are the last of their solve.
-    """
-
+    #: (n,) residual norms, N/mm
     before: FloatArray
     after: FloatArray
-    changes: NDArray[np.int64]
-    cut: NDArray[np.bool_]
-    last: NDArray[np.bool_]
+    changes: NDArray[np.int64]  #: (n,) contact points that change their status or edge
+    cut: NDArray[np.bool_]  #: (n,) whose step the line search cut
+    last: NDArray[np.bool_]  #: (n,) which are the last of their solve
 
     @classmethod
     def of(cls, solves: list[Solve]) -> "Iterations":
@@ -165,15 +146,10 @@ def newton_checks(solves: list[Solve]) -> list[Check]:
 
 @dataclass(frozen=True)
 class Probe:
-    """One Newton iteration each from several distances of a solution.
+    """One Newton iteration each from several distances of a solution."""
 
-    Attributes
-    ----------
-    before, after : (n,)
-        |F| before and after it, N/mm; only where statuses and edges of contact are those of the
-        solution, and |F| after is above the tolerance.
-    """
-
+    #: (n,) |F| before and after it, N/mm; only where statuses and edges of contact are those of the
+    #: solution, and |F| after is above the tolerance
     before: FloatArray
     after: FloatArray
 

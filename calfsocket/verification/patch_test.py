@@ -30,21 +30,11 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Patch:
-    """Errors of a patch test.
+    """Errors of a patch test."""
 
-    Attributes
-    ----------
-    displacement : float
-        Largest error over the largest displacement.
-    stretch : float
-        Largest error of a component of F.
-    pressure : float
-        Largest error over the largest pressure of the strip.
-    """
-
-    displacement: float
-    stretch: float
-    pressure: float
+    displacement: float  #: largest error over the largest displacement
+    stretch: float  #: largest error of a component of F
+    pressure: float  #: largest error over the largest pressure of the strip
 
 
 STIFF_MUSCLE = Ogden(

@@ -59,22 +59,13 @@ NODES = 14
 
 @dataclass(frozen=True)
 class Profile:
-    """The solution in one ring at n radii.
+    """The solution in one ring at n radii."""
 
-    Attributes
-    ----------
-    radius, deformed : (n,)
-        Undeformed and deformed radius, mm.
-    stretch : (2, n)
-        Radial and hoop.
-    stress : (3, n)
-        Cauchy stress, radial, hoop and axial, MPa.
-    """
-
+    #: (n,) undeformed and deformed radius, mm
     radius: FloatArray
     deformed: FloatArray
-    stretch: FloatArray
-    stress: FloatArray
+    stretch: FloatArray  #: (2, n) radial and hoop
+    stress: FloatArray  #: (3, n) Cauchy stress, radial, hoop and axial, MPa
 
 
 class RingLaw:
@@ -299,21 +290,12 @@ def _differentiation(nodes: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ExactRing:
-    """Exact state of limb and socket.
+    """Exact state of limb and socket."""
 
-    Attributes
-    ----------
-    pressure : float
-        Contact pressure per undeformed area of the skin, MPa, as the program's contact has it.
-    skin_radius : float
-        Deformed radius of the skin, mm.
-    solution : RadialSolution
-        All fields; the socket is a ring with the name of its tissue.
-    """
-
+    #: contact pressure per undeformed area of the skin, MPa, as the program's contact has it
     pressure: float
-    skin_radius: float
-    solution: RadialSolution
+    skin_radius: float  #: deformed radius of the skin, mm
+    solution: RadialSolution  #: all fields; the socket is a ring with the name of its tissue
 
 
 def exact_ring(

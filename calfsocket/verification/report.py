@@ -12,30 +12,15 @@ Rule = Literal["at most", "at least", "exactly"]
 
 @dataclass(frozen=True)
 class Check:
-    """A measured number and its bar.
+    """A measured number and its bar."""
 
-    Attributes
-    ----------
-    name : str
-        What was measured.
-    measured : float
-        The number, in `unit`.
-    bar : float
-        What the number is held against, in `unit`.
-    source : str
-        Where the exact value comes from.
-    unit : str
-        Unit; empty for a ratio.
-    rule : str
-        "at most": an error, its magnitude is no larger than the bar; "at least": an order or a
-        share, no smaller than the bar; "exactly": a count, equal to the bar.
-    """
-
-    name: str
-    measured: float
-    bar: float
-    source: str
-    unit: str = ""
+    name: str  #: what was measured
+    measured: float  #: the number, in `unit`
+    bar: float  #: what the number is held against, in `unit`
+    source: str  #: where the exact value comes from
+    unit: str = ""  #: unit; empty for a ratio
+    #: "at most": an error, its magnitude is no larger than the bar; "at least": an order or a
+    #: share, no smaller than the bar; "exactly": a count, equal to the bar
     rule: Rule = "at most"
 
     @property
@@ -52,21 +37,11 @@ class Check:
 
 @dataclass(frozen=True)
 class Figure:
-    """A plot of a verification problem.
+    """A plot of a verification problem."""
 
-    Attributes
-    ----------
-    name : str
-        File name without ending.
-    draw : callable
-        Draws on given axes.
-    caption : str
-        What it shows.
-    """
-
-    name: str
-    draw: Callable[[Axes], None]
-    caption: str
+    name: str  #: file name without ending
+    draw: Callable[[Axes], None]  #: draws on given axes
+    caption: str  #: what it shows
 
 
 Curve = tuple[Any, Any, str, str | None]
@@ -106,44 +81,22 @@ LOG = {"xscale": "log", "yscale": "log"}
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers shown on the page as they are.
+    """Numbers shown on the page as they are."""
 
-    Attributes
-    ----------
-    caption : str
-        What they are.
-    frame : DataFrame
-        Its columns are the heads.
-    digits : int
-        Of its numbers.
-    """
-
-    caption: str
-    frame: pd.DataFrame
-    digits: int = 4
+    caption: str  #: what they are
+    frame: pd.DataFrame  #: its columns are the heads
+    digits: int = 4  #: of its numbers
 
 
 @dataclass(frozen=True)
 class Section:
-    """A subject of the verification page.
+    """A subject of the verification page."""
 
-    Attributes
-    ----------
-    title, text : str
-        Heading, and what the problem is, in Markdown.
-    checks : list of Check
-        Measured numbers.
-    figures : list of Figure
-        Plots.
-    tables : list of Table
-        More numbers, below the checks.
-    files : mapping of str to DataFrame
-        Tables too long for the page, by the name of their CSV file.
-    """
-
+    #: heading, and what the problem is, in Markdown
     title: str
     text: str
-    checks: list[Check]
-    figures: list[Figure] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
+    checks: list[Check]  #: measured numbers
+    figures: list[Figure] = field(default_factory=list)  #: plots
+    tables: list[Table] = field(default_factory=list)  #: more numbers, below the checks
+    #: tables too long for the page, by the name of their CSV file
     files: Mapping[str, pd.DataFrame] = field(default_factory=dict)

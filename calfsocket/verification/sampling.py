@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.nitsche import ContactState
-from calfsocket.forms import mixed
 from calfsocket.materials.fields import LawFields
 from calfsocket.meshes.distributed import SectionMesh
 
@@ -22,33 +21,18 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Points:
-    """A solved body at n quadrature points.
+    """A solved body at n quadrature points."""
 
-    Attributes
-    ----------
-    x, u : (2, n)
-        Position and displacement, mm.
-    F : (2, 2, n)
-        Deformation gradient.
-    p : (n,)
-        Pressure, MPa, > 0 in tension.
-    weight : (n,)
-        Quadrature weight times area element, mm^2.
-    region : (n,)
-        Region tag.
-    """
-
+    #: (2, n) position and displacement, mm
     x: FloatArray
     u: FloatArray
-    F: FloatArray
-    p: FloatArray
-    weight: FloatArray
-    region: NDArray[np.int32]
+    F: FloatArray  #: (2, 2, n) deformation gradient
+    p: FloatArray  #: (n,) pressure, MPa, > 0 in tension
+    weight: FloatArray  #: (n,) quadrature weight times area element, mm^2
+    region: NDArray[np.int32]  #: (n,) region tag
 
 
-def at_points(
-    section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8
-) -> Points:
+def at_points(section: SectionMesh, w: fem.Function, fields: LawFields, degree: int = 8) -> Points:
     """Evaluate mixed unknowns at the points of a quadrature rule of some degree, on one rank."""
     domain = section.mesh
     points, weights = map(np.asarray, basix.make_quadrature(basix.CellType.triangle, degree))
@@ -64,7 +48,7 @@ def at_points(
         x=evaluate(ufl.SpatialCoordinate(domain)),
         u=evaluate(u),
         F=evaluate(ufl.Identity(2) + ufl.grad(u)).reshape(2, 2, -1),
-        p=evaluate(mixed.pressure(p_dof, fields.pressure_scale))[0],
+        p=evaluate(fields.pressure_scale * p_dof)[0],
         weight=area * np.tile(weights, len(cells)),
         region=np.repeat(section.cell_regions(), len(points)),
     )
@@ -91,18 +75,10 @@ def largest(comm: MPI.Comm, values: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Slid:
-    """What friction does between two states, on one rank.
+    """What friction does between two states, on one rank."""
 
-    Attributes
-    ----------
-    slip : (n,)
-        Slip of each skin point on the socket, mm.
-    work : (n,)
-        Work of friction there with the later shear, -q slip, N/mm.
-    """
-
-    slip: FloatArray
-    work: FloatArray
+    slip: FloatArray  #: (n,) slip of each skin point on the socket, mm
+    work: FloatArray  #: (n,) work of friction there with the later shear, -q slip, N/mm
 
     @classmethod
     def between(

@@ -43,42 +43,35 @@ def strip_mesh(
         edge = 2 * np.cumsum([0, *(across for _, _, across in widths)])
         move[edge] = 0.0
         move[:, [0, -1]] = 0.0
-        row = len(y)
-
-        def at(i: Array, j: Array) -> Array:
-            return np.asarray(i * row + j)
-
-        i, j = (2 * index.ravel() for index in np.indices((len(columns), n)))
+        number = np.arange(len(x) * len(y)).reshape(len(x), len(y))
+        box = {
+            (a, b): number[a : len(x) - 2 + a : 2, b : len(y) - 2 + b : 2].ravel()
+            for a, b in np.ndindex(3, 3)
+        }
         # Two triangles a box, the diagonal turned from box to box.
         lower = [(0, 0), (2, 0), (2, 2), (1, 0), (2, 1), (1, 1)]
         upper = [(0, 0), (2, 2), (0, 2), (1, 1), (1, 2), (0, 1)]
-        turned = (i + j) // 2 % 2 == 1
+        turned = np.indices((len(columns), n)).sum(axis=0).reshape(-1, 1) % 2 == 1
         cells = []
         for corners in (lower, upper):
             # Turned boxes are mirrored in y, and their nodes taken the other way round.
-            mirrored = [(a, 2 - b) for a, b in corners]
-            mirrored = [mirrored[k] for k in (0, 2, 1, 5, 4, 3)]
-            straight = np.stack([at(i + a, j + b) for a, b in corners], axis=1)
-            mirror = np.stack([at(i + a, j + b) for a, b in mirrored], axis=1)
-            cells.append(np.where(turned[:, None], mirror, straight))
+            mirrored = [(a, 2 - b) for a, b in (corners[k] for k in (0, 2, 1, 5, 4, 3))]
+            straight, mirror = (
+                np.stack([box[at] for at in each], axis=1) for each in (corners, mirrored)
+            )
+            cells.append(np.where(turned, mirror, straight))
         tags = np.repeat(np.array(columns, dtype=np.int32), n)
-        last = len(x) - 1
         sides = [
-            *(((0, 2 * k), (0, 2 * k + 2), (0, 2 * k + 1), 1) for k in range(n)),
-            *(((last, 2 * k), (last, 2 * k + 2), (last, 2 * k + 1), 2) for k in range(n)),
-            *(((2 * k, 0), (2 * k + 2, 0), (2 * k + 1, 0), 3) for k in range(last // 2)),
-            *(
-                ((2 * k, row - 1), (2 * k + 2, row - 1), (2 * k + 1, row - 1), 4)
-                for k in range(last // 2)
-            ),
+            np.stack([edge[:-2:2], edge[2::2], edge[1::2]], axis=1)
+            for edge in (number[0], number[-1], number[:, 0], number[:, -1])
         ]
         points = (nodes + move).reshape(-1, 2)
         return TriangleMesh(
             points=points if place is None else place(points.T).T,
-            cells=np.concatenate(cells).astype(np.int64),
+            cells=np.concatenate(cells),
             cell_tags=np.concatenate([tags, tags]),
-            facets=np.array([[a * row + b for a, b in side[:3]] for side in sides], dtype=np.int64),
-            facet_tags=np.array([side[3] for side in sides], dtype=np.int32),
+            facets=np.concatenate(sides),
+            facet_tags=np.repeat(np.arange(1, 5, dtype=np.int32), [len(side) for side in sides]),
             regions={name: tag for tag, (name, _, _) in enumerate(widths, start=1)},
             boundaries={LEFT: 1, RIGHT: 2, BOTTOM: 3, TOP: 4},
         )

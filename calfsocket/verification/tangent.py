@@ -62,24 +62,12 @@ DIFFERENCE = 1e-7
 
 @dataclass(frozen=True)
 class Kind:
-    """How a state is made and what it must be.
+    """How a state is made and what it must be."""
 
-    Attributes
-    ----------
-    overlap : float
-        By which the socket is smaller than the limb, mm.
-    turn : float
-        Of the socket, rad.
-    shift : float
-        Of the socket along x, mm.
-    status : set of int
-        Contact statuses of its points.
-    """
-
-    overlap: float
-    turn: float
-    shift: float
-    status: frozenset[int]
+    overlap: float  #: by which the socket is smaller than the limb, mm
+    turn: float  #: of the socket, rad
+    shift: float  #: of the socket along x, mm
+    status: frozenset[int]  #: contact statuses of its points
 
 
 KINDS = {
@@ -116,21 +104,11 @@ def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
 
 @dataclass(frozen=True)
 class Difference:
-    """A tangent against finite differences of the residual.
+    """A tangent against finite differences of the residual."""
 
-    Attributes
-    ----------
-    error : float
-        Norm of the difference, relative.
-    status : (n,) int
-        Contact status of the points.
-    switched : int
-        Points whose status differs between the two ends of the difference.
-    """
-
-    error: float
-    status: NDArray[np.int64]
-    switched: int
+    error: float  #: norm of the difference, relative
+    status: NDArray[np.int64]  #: (n,) contact status of the points
+    switched: int  #: points whose status differs between the two ends of the difference
 
 
 def difference(
@@ -158,7 +136,7 @@ def difference(
 
 
 def random_direction(problem: Problem, x: PETSc.Vec, seed: int = 5) -> FloatArray:
-    """Return a direction of size 1, zero where unknowns are held."""
+    """Return a direction of size 1, zero where unknowns are constrained."""
     direction = np.random.default_rng(seed).normal(size=x.getLocalSize())
     direction[problem.constrained] = 0.0
     return direction
@@ -179,26 +157,23 @@ MOVE = 0.1
 
 
 @contextmanager
-def contact_moved(problem: Problem, parameter: str) -> Iterator[None]:
-    """Move a parameter of contact by `MOVE`, for the body."""
+def moved(problem: Problem, parameter: str) -> Iterator[None]:
+    """Move a parameter of contact or of the laws by `MOVE`, for the body."""
     contact = problem.contact
     load, before = problem.load, contact.parameters
+    factor = 1.0 + MOVE
     if parameter == "load":
         problem.load *= 1.0 - MOVE
+    elif parameter in CONTACT_PARAMETERS:
+        changed = {parameter: factor * getattr(before, parameter)}
+        contact.parameters = before.model_copy(update=changed)
     else:
-        value = getattr(before, parameter) * (1.0 + MOVE)
-        contact.parameters = before.model_copy(update={parameter: value})
+        values = law_parameters(problem)[parameter].x.array
+        kept, values[:] = values.copy(), factor * values
     yield
     problem.load, contact.parameters = load, before
-
-
-@contextmanager
-def law_moved(parameter: fem.Function) -> Iterator[None]:
-    """Move a parameter of the laws by `MOVE`, for the body."""
-    before = parameter.x.array.copy()
-    parameter.x.array[:] *= 1.0 + MOVE
-    yield
-    parameter.x.array[:] = before
+    if parameter not in CONTACT_PARAMETERS:
+        values[:] = kept
 
 
 def law_parameters(problem: Problem) -> dict[str, fem.Function]:
@@ -206,18 +181,17 @@ def law_parameters(problem: Problem) -> dict[str, fem.Function]:
     return {parameter.name: parameter for parameter in problem.fields.parameters}
 
 
-Moves = dict[tuple[str, str], tuple[float, float, bool]]
-"""Relative change of residual and of tangent by parameter and state, and whether it should be."""
+def moves_of(name: str) -> list[dict[str, object]]:
+    """Move each parameter of contact, and in the mixed state each of the laws, in a state.
 
-
-def moves_of(name: str) -> Moves:
-    """Move each parameter of contact, and in the mixed state each of the laws, in a state."""
+    A row has parameter, state, the relative changes of residual and of tangent times a direction,
+    and whether the two should move.
+    """
     problem, x = state(KINDS[name])
     A, direction = problem.create_matrix(), x.duplicate()
     direction.array[:] = random_direction(problem, x)
 
     def both() -> tuple[PETSc.Vec, PETSc.Vec]:
-        """Return the residual, and the tangent times a direction."""
         residual, along = x.duplicate(), x.duplicate()
         problem.residual(x, residual)
         problem.tangent(x, A)
@@ -225,30 +199,29 @@ def moves_of(name: str) -> Moves:
         return residual, along
 
     before = both()
-
-    def change() -> tuple[float, float]:
-        f, g = ((now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True))
-        return f, g
-
-    moves = {}
-    for parameter, counts in CONTACT_PARAMETERS.items():
-        with contact_moved(problem, parameter):
-            moves[parameter, name] = (*change(), name in counts)
+    should = {parameter: name in counts for parameter, counts in CONTACT_PARAMETERS.items()}
     if name == "mixed":
-        for parameter, function in law_parameters(problem).items():
-            with law_moved(function):
-                moves[parameter, name] = (*change(), True)
-    return moves
+        should |= dict.fromkeys(law_parameters(problem), True)
+    rows = []
+    for parameter, moving in should.items():
+        with moved(problem, parameter):
+            f, g = (
+                (now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True)
+            )
+        changes = {"residual": f, "tangent": g, "should": "moves" if moving else "stays"}
+        rows.append({"parameter": parameter, "state": name, **changes})
+    return rows
 
 
-def parameter_moves() -> Moves:
+def parameter_moves() -> pd.DataFrame:
     """Move the parameters in every state."""
-    return {key: move for name in KINDS for key, move in moves_of(name).items()}
+    return pd.DataFrame(row for name in KINDS for row in moves_of(name))
 
 
-def as_it_should(moves: Moves) -> int:
+def as_it_should(moves: pd.DataFrame) -> int:
     """Count the parameters and states where both move, or neither does, as they should."""
-    return sum((f > 0) == (A > 0) == should for f, A, should in moves.values())
+    should = moves["should"] == "moves"
+    return int((((moves["residual"] > 0) == should) & ((moves["tangent"] > 0) == should)).sum())
 
 
 # -- Newton's method ------------------------------------------------------------------------------
@@ -314,10 +287,6 @@ def report() -> Section:
     lines: list[Curve] = [(probe.before, probe.after, "o-", name) for name, probe in probes.items()]
     before, after = probes["mixed"].before, probes["mixed"].after
     lines.append((before, 2.0 * after[0] * (before / before[0]) ** 2, "k--", "slope 2"))
-    frame = [
-        {"parameter": parameter, "state": name, "residual": f, "tangent": A, "should": should}
-        for (parameter, name), (f, A, should) in moves.items()
-    ]
     return Section(
         "The tangent",
         __doc__ or "",
@@ -335,7 +304,7 @@ def report() -> Section:
             Table(
                 f"Relative change when a parameter grows by {MOVE:.0%}; in the states where it "
                 "plays no part it must be zero.",
-                pd.DataFrame(frame).replace({"should": {True: "moves", False: "stays"}}),
+                moves,
                 2,
             )
         ],

@@ -4,6 +4,7 @@ Pages include them from `_generated/`. Descriptions are those of the models: of 
 section "Attributes" in the docstring of its class.
 """
 
+import inspect
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,11 @@ from typing import Any
 from numpydoc.docscrape import NumpyDocString
 from sphinx.application import Sphinx
 
+from calfsocket.io.schema import Strict
+from calfsocket.meshes.socket import Socket
+from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord
+from calfsocket.study.document import Document
+
 FOLDER = Path(__file__).parents[1] / "_generated"
 
 Schema = dict[str, Any]
@@ -19,9 +25,6 @@ Schema = dict[str, Any]
 
 def main(_app: Sphinx) -> None:
     """Write the tables before the pages are read."""
-    from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord
-    from calfsocket.study.document import Document
-
     pages = {
         "study.md": "\n".join(sections(Document.model_json_schema())),
         "study_record.md": attributes_table(StudyRecord),
@@ -95,11 +98,10 @@ def section(table: Schema, definitions: Schema) -> Iterator[str]:
     for paragraph in (text["Summary"], text["Extended Summary"]):
         if any(paragraph):
             yield "\n".join(paragraph) + "\n"
-    described = described_by(text)
+    described = descriptions(table)
     rows = [
         f"| `{key}` | {value(entry, definitions)} | {default(key, entry, table)} "
-        f"| {entry.get('description', '') if not entry.get('pattern') else ''}"
-        f"{described.get(key, '')} |"
+        f"| {described.get(key, '')} |"
         for key, entry in table["properties"].items()
         if not is_table(entry)
     ]
@@ -112,10 +114,39 @@ def is_table(entry: Schema) -> bool:
     return "$ref" in entry or "properties" in entry
 
 
-def described_by(text: NumpyDocString) -> dict[str, str]:
+def descriptions(table: Schema) -> dict[str, str]:
+    """Return what the docstrings of a table's class and of its bases say of each key."""
+    found: dict[str, str] = {}
+    for model in models_of(table):
+        found = attributes(model) | found
+    return found
+
+
+def models_of(table: Schema) -> list[type[Strict]]:
+    """Return the class of a table and its bases; of a table that has none, all sockets.
+
+    The class has the table's description, or the law that the table must have.
+    """
+    law = table["properties"].get("law", {}).get("const")
+    for model in subclasses(Strict):
+        if law and "law" in model.model_fields:
+            found = model.model_fields["law"].default == law
+        else:
+            found = inspect.getdoc(model) == table.get("description")
+        if found:
+            return [base for base in model.__mro__ if issubclass(base, Strict)]
+    return [*subclasses(Socket), Socket] if "wall_thickness" in table["properties"] else []
+
+
+def subclasses(model: type[Strict]) -> list[type[Strict]]:
+    """Return all classes below one, at any depth."""
+    return [each for below in model.__subclasses__() for each in (below, *subclasses(below))]
+
+
+def attributes(model: type) -> dict[str, str]:
     """Return what the section "Attributes" of a docstring says of each name."""
     found = {}
-    for names, _type, lines in text["Attributes"]:
+    for names, _type, lines in NumpyDocString(inspect.getdoc(model) or "")["Attributes"]:
         for name in names.split(","):
             found[name.strip()] = " ".join(line.strip() for line in lines)
     return found
@@ -185,17 +216,10 @@ def limits(entry: Schema) -> str:
 def attributes_table(model: type) -> str:
     """Return the section "Attributes" of a class as a table."""
     rows = []
-    for names, kind_of, lines in NumpyDocString(inspect_doc(model))["Attributes"]:
+    for names, kind_of, lines in NumpyDocString(inspect.getdoc(model) or "")["Attributes"]:
         keys = ", ".join(f"`{name.strip()}`" for name in names.split(","))
         rows.append(f"| {keys} | {kind_of} | {' '.join(line.strip() for line in lines)} |")
     return "| key | type | |\n|---|---|---|\n" + "\n".join(rows) + "\n"
-
-
-def inspect_doc(model: type) -> str:
-    """Return a docstring without its indentation."""
-    import inspect
-
-    return inspect.getdoc(model) or ""
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

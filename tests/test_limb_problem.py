@@ -112,10 +112,13 @@ def test_petsc_options_reach_the_solver():
         del options["snes_max_it"]
 
 
+@pytest.fixture(scope="module")
+def one(solved):
+    return describe(solved)
+
+
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_ranks_agree(ranks, mpirun):
-    one = describe(MPI.COMM_SELF)
-    assert one is not None
+def test_ranks_agree(ranks, one, mpirun):
     program = Path(__file__).with_name("ring_model.py")
     several = json.loads(mpirun(ranks, [os.fspath(program)], timeout=240))
     assert several["newton"] == one["newton"]
