@@ -112,12 +112,9 @@ def _scoreboard(board: pd.DataFrame) -> Content:
     return render(
         "scoreboard.html",
         "calfsocket.paper.templates",
-        tallies=[
-            (what, scoreboard.counts(board, judges)) for judges, what in scoreboard.KINDS.items()
-        ],
-        summary=scoreboard.summary(board),
+        results=scoreboard.counts(board),
+        apart=scoreboard.parts(board)[1:],
         marks=MARKS,
-        kinds=scoreboard.KINDS,
         parts=[
             (name, group.to_dict("records"))
             for name, group in board.groupby(pd.Series(parts, index=board.index), sort=False)
