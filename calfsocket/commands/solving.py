@@ -71,7 +71,6 @@ def solve(comm: "MPI.Intracomm", study: "Study", arguments: argparse.Namespace) 
     if comm.rank == 0:
         _log_to(console)
     out = Path(arguments.out or study.plan.document.study.out)
-    log.info("results go to %s", out)
     try:
         results = study.run(
             comm,
