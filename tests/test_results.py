@@ -13,6 +13,7 @@ from calfsocket.postprocess.quantities import SUMMARY_COLUMNS, Quantities
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
+from conftest import write_small_report
 from report_results import contact_on, contact_on_plate, limb, plate, result, write_results
 
 TC, HS = ("TC", "separate"), ("HS", "separate")
@@ -93,6 +94,15 @@ def test_single_results_in_one_folder(tmp_path):
     assert list(results) == [TC, HS]
     assert results.value(*HS, "skin", "contact_pressure_mean") == pytest.approx(12)
     assert set(results.contact.socket) == {"TC", "HS"} and len(results.steps) == 4
+
+
+def test_a_report_of_single_results_knows_no_paper(tmp_path, solved):
+    """They may have been made of anything; what made them is not in their files."""
+    solved.save(tmp_path / "mine")
+    page = write_small_report(tmp_path) / "report.html"
+    text = page.read_text()
+    assert 'id="scoreboard"' not in text and 'id="laws"' not in text and "run.json" not in text
+    assert 'id="maxima"' in text and "Read with care" not in text
 
 
 def test_cases_of_a_sweep_have_the_names_of_the_base(tmp_path):
