@@ -78,7 +78,7 @@ TRIALS = (
         "Newton's method finds no equilibrium",
         "no equilibrium between load 0.2500 and 0.2550",
         "calfsocket.mechanics.stepping:LoadStepper.run",
-        error="SolveError",
+        error="ConvergenceError",
         words=("no equilibrium between load 0.2500 and 0.2550",),
     ),
     fails(
@@ -191,7 +191,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
         assert says in caplog.text.replace(f"{out}/A_combined/", "")
         assert "1 of 2 cases failed" in caplog.text and "--resume" in caplog.text
         # An equilibrium below the full load is written, too, for who wants to know why.
-        expected = {"A", "B"} if trial.given.error == "SolveError" else {"B"}
+        expected = {"A", "B"} if trial.given.error == "ConvergenceError" else {"B"}
         assert set(pd.read_csv(out / "summary.csv").socket) == expected
         assert study.run(resume=True)
         assert "B_combined: solved already" in caplog.text
