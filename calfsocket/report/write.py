@@ -40,7 +40,7 @@ def write_report(
     Raises
     ------
     InputError
-        When no case reached its full load, or results cannot be read.
+        When results cannot be read, or no case reached its full load.
     WriteError
         When the report cannot be written.
     """

@@ -178,13 +178,12 @@ def load_results(folder: Path | str) -> Results:
     Returns
     -------
     Results
-        By (socket, material set); cases are read when they are asked for. Empty where no case
-        reached its full load; `Results.left_out` says why.
+        By (socket, material set); cases are read when they are asked for.
 
     Raises
     ------
     InputError
-        When there are no results, or a file cannot be read.
+        When there are no results, or a file is missing or cannot be read.
     """
     folder = Path(folder)
     run = None
