@@ -86,7 +86,10 @@ def test_negative_modes_count_what_makes_an_equilibrium_unstable():
 
 def test_a_failed_run_keeps_the_last_converged_state():
     model = ring_model(MPI.COMM_SELF, h=6.0)
-    stepper = LoadStepper(model, LoadSteps(first=0.4, largest=0.4, smallest=0.05))
+    found = []
+    stepper = LoadStepper(
+        model, LoadSteps(first=0.4, largest=0.4, smallest=0.05), on_milestone=found.append
+    )
     solve = stepper.newton.solve
 
     def fails_beyond_half():
@@ -104,6 +107,9 @@ def test_a_failed_run_keeps_the_last_converged_state():
     residual = stepper.newton.x.duplicate()
     model.residual(stepper.newton.x, residual)
     assert residual.norm() < 1e-9
+    # With the history that it was found with, not with the one that a next step would have had.
+    np.testing.assert_array_equal(model.slip_history, found[-1].converged_arc)
+    assert np.any(model.contact.settled_arc() != model.slip_history)
 
 
 def test_petsc_options_reach_the_solver():

@@ -60,8 +60,7 @@ def follow(
         If the full load is not reached.
     """
     with recording() as solves:
-        case, section = one_case(socket, material_set, size)
-        laws = {name: case.region_laws[name] for name in section.regions}
+        case, section, laws = one_case(socket, material_set, size)
         problem = limb_problem(section, laws, case.contact, case.support)
         steps = case.steps.model_copy(
             update={
