@@ -61,14 +61,14 @@ def test_every_command_is_listed_and_has_a_help_of_its_own(name, capsys):
     with pytest.raises(SystemExit) as end:
         cli.main(["--help"])
     assert end.value.code == 0
-    assert f"  {name:10s} {cli.COMMANDS[name].HELP}\n" in capsys.readouterr().out
+    assert f"  {name:10s} {cli.COMMANDS[name].help}\n" in capsys.readouterr().out
     with pytest.raises(SystemExit) as end:
         cli.main([name, "--help"])
     assert end.value.code == 0
     told = capsys.readouterr().out
     assert told.startswith(f"usage: python3 -m calfsocket {name} ")
     # argparse breaks lines anew.
-    assert " ".join(cli.COMMANDS[name].DESCRIPTION.split()) in " ".join(told.split())
+    assert " ".join(cli.COMMANDS[name].description.split()) in " ".join(told.split())
 
 
 def test_calibration_goes_where_the_report_looks_for_it(capsys):
