@@ -11,7 +11,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from calfsocket import cli
-from calfsocket.calibration import figure, report
+from calfsocket.calibration import report
 from calfsocket.calibration.fit import SMALLEST_ALPHA, Fit, fit_curve, ogden
 from calfsocket.calibration.indentation import Curve, Indentation
 from calfsocket.calibration.names import (
@@ -33,6 +33,7 @@ from calfsocket.materials.tissues import MUSCLE, SOCKET
 from calfsocket.meshes.compound import Compound, load_compound
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.sizing import mesh_size
+from calfsocket.paper import figure3
 
 COARSE = replace(mesh_size("coarse"), largest=8.0, growth=1.5)
 
@@ -220,7 +221,7 @@ def test_calibration_from_start_to_files(tmp_path):
     assert result.deviation(SEPARATE) == 0.0
 
     report.write(result, settings, tmp_path)
-    paths = figure.draw(result, tmp_path)
+    paths = figure3.draw(result, tmp_path)
     assert [path.name for path in paths] == ["figure3.png", "figure3.pdf"]
     assert all(path.stat().st_size > 10_000 for path in paths)
     table = pd.read_csv(tmp_path / CURVES_FILE)

@@ -57,8 +57,9 @@ def test_ratios_are_of_magnitudes(evidence):
     assert len(rows) == 120
     np.testing.assert_allclose(rows.ratio, (rows.ours / rows.paper).abs())
     assert (rows.sign_flip == (rows.ours * rows.paper < 0)).all()
-    nothing = comparison.compare(5.0, 0.0)
-    assert np.isnan(nothing["ratio"]) and not nothing["sign_flip"]
+    cells = pd.DataFrame({"ours": [5.0, np.nan], "paper": [0.0, 1.0], "note": ""})
+    nothing = comparison.compare(cells, [])
+    assert nothing.ratio.isna().all() and not nothing.sign_flip.any()
 
 
 def test_agreement_takes_the_farthest_from_one():

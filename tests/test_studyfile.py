@@ -16,12 +16,13 @@ from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, limb
 from calfsocket.meshes.limb import Limb, limb_curves
-from calfsocket.meshes.socket import NormalOffset, Socket
+from calfsocket.meshes.socket import NormalOffset, Socket, reference_sockets, resolved
 from calfsocket.study import document
 from calfsocket.study.cases import Plan
 from calfsocket.study.study import Study, example, variants
 
 STUDIES = Path(document.__file__).parent / "data"
+RING = tuple((55 * np.cos(t), 55 * np.sin(t)) for t in np.arange(0, 6, 0.5))
 
 
 @pytest.fixture
@@ -89,7 +90,7 @@ def test_the_example_passes_check_and_states_the_defaults(tmp_path, monkeypatch,
     assert cli.main(["check", "my.toml"]) == 0
     assert "4 cases" in capsys.readouterr().out
     content = tomllib.loads(example())
-    checked = document.Document.model_validate(content)
+    checked = Study.read("my.toml").plan.document
     assert content["model"].keys() | {
         "gamma",
         "gamma_t",
@@ -107,7 +108,11 @@ def test_every_remark_of_the_example_can_be_used():
     assert content.keys() == document.Document.model_fields.keys()
     assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
-    document.Document.model_validate(content)
+    tables = {
+        name: resolved(table, reference_sockets(), lambda _: RING)
+        for name, table in content["sockets"].items()
+    }
+    document.Document.model_validate(content | {"sockets": tables})
     jsonschema.validate(content, json.loads(document.schema_text()))
 
 

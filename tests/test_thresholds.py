@@ -12,7 +12,6 @@ from calfsocket.postprocess.quantities import Quantities
 from calfsocket.postprocess.thresholds import (
     Threshold,
     area_beyond,
-    gauss_areas,
     share_beyond,
     shares_beyond,
     tissue_area,
@@ -27,7 +26,7 @@ def share(fields: SectionFields, threshold: Threshold, contact: ContactLine = EV
 
 
 def test_areas_add_up():
-    assert gauss_areas(plate()).sum() == pytest.approx(72)
+    assert plate().gauss_area.sum() == pytest.approx(72)
     assert tissue_area(plate(), "muscle") == pytest.approx(36)
 
 

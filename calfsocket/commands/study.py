@@ -210,7 +210,6 @@ def solve(comm: Comm, study: "Study", arguments: Namespace) -> int:
     if comm.rank == 0:
         _log_to(console)
     out = Path(arguments.out or study.plan.document.study.out)
-    log.info("results go to %s", out)
     try:
         results = study.run(
             comm,

@@ -114,7 +114,7 @@ class ContactTangent:
     edge : (n,)
         The socket's edge along its chain.
     by_motion : (n, 12, 12)
-        By those displacements, with the skin's nominal traction T held.
+        By those displacements, at a fixed nominal traction T of the skin.
     by_traction : (n, 12, 2)
         By T.
     d_traction : (n, 2, k)
@@ -130,7 +130,7 @@ class ContactTangent:
 class ContactInterface:
     """Frictional contact between skin and socket, on the communicator of the mesh.
 
-    Every rank holds the skin points of its own cells and a copy of the whole socket face, which is
+    Every rank has the skin points of its own cells and a copy of the whole socket face, which is
     a curve of some hundred edges.
 
     Parameters

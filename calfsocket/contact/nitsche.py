@@ -165,7 +165,7 @@ def tangent(
     Returns
     -------
     by_motion : (n, m + 6, m + 6)
-        With T held. Rows and columns: the m displacements of the skin edge's nodes, then those of
+        At a fixed T. Rows and columns: the m displacements of the skin edge's nodes, then those of
         the socket edge's nodes with their two components each.
     by_traction : (n, m + 6, 2)
         By T.
@@ -222,7 +222,7 @@ def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float
     element size it is indefinite by itself, at stable equilibria too. What decides stability is the
     stiffness of the tissues on the motions that contact allows. A sticking point is glued to its
     partner on the socket, which is linear in the displacements; a slipping point stays on the
-    socket's face, under its contact pressure p and with its friction held:
+    socket's face, at fixed contact pressure p and friction:
 
         stick  stiffness |dx - dy|^2,      slip  stiffness (n . (dx - dy))^2 - p d^2 gap.
 

@@ -1,4 +1,4 @@
-"""The limb in its socket as a problem: what is held, what touches, and what the socket rests on."""
+"""The limb in its socket as a problem: constraints, contact, and what the socket rests on."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, get_args

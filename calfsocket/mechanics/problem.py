@@ -131,7 +131,7 @@ class Problem:
             self.foundation.set_load(load)
 
     def set_laws(self, laws: Mapping[str, Law]) -> None:
-        """Give regions other parameters of the laws that they have; nothing is compiled again.
+        """Change the parameters of the laws of regions; nothing is compiled again.
 
         Raises
         ------

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.paper import published
-from calfsocket.report.changes import SETS, magnitude_change
 from calfsocket.report.findings import Findings
 from calfsocket.report.inputs import Laws
+from calfsocket.simulation.results import KEY
 
 MATERIALS = {
     "skin": ("separate", "skin"),
@@ -31,33 +31,24 @@ _KEYS = {"mu1": "mu", "alpha1": "alpha"}  # others are the symbol in small lette
 _PER_MPA = {"kPa": 1e3, "MPa": 1.0, "GPa": 1e-3, "1/Pa": 1e-6, "": 1.0}
 
 
-def compare(ours: float, paper: float) -> dict[str, object]:
-    """Ratio of magnitudes, and whether the signs differ; NaN where there is nothing to divide."""
-    known = np.isfinite([ours, paper]).all() and paper != 0
-    return {
-        "ours": ours,
-        "paper": paper,
-        "ratio": abs(ours / paper) if known else np.nan,
-        "sign_flip": bool(known and ours * paper < 0),
-    }
+def compare(rows: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
+    """Return columns of rows with ours, paper, ratio, sign_flip and note.
+
+    There is no ratio where one of the two is missing or the paper has 0.
+    """
+    known = rows.ours.notna() & rows.paper.notna() & (rows.paper != 0)
+    compared = rows.assign(
+        ratio=(rows.ours / rows.paper).abs().where(known),
+        sign_flip=known & (rows.ours * rows.paper < 0),
+    )
+    return compared[[*columns, "ours", "paper", "ratio", "sign_flip", "note"]]
 
 
 def materials(laws: Laws) -> pd.DataFrame:
     """Table 1: parameters of the laws."""
-    rows = []
-    for row in published.table(1).itertuples():
-        ours = parameter(laws, row.material, row.symbol, row.unit)
-        rows.append(
-            {
-                "material": row.material,
-                "law": row.law,
-                "symbol": row.symbol,
-                "unit": row.unit,
-                **compare(ours, row.printed),
-                "note": row.note,
-            }
-        )
-    return pd.DataFrame(rows)
+    rows = published.table(1).rename(columns={"printed": "paper"})
+    ours = [parameter(laws, row.material, row.symbol, row.unit) for row in rows.itertuples()]
+    return compare(rows.assign(ours=ours), ["material", "law", "symbol", "unit"])
 
 
 def parameter(laws: Laws, material: str, symbol: str, unit: str) -> float:
@@ -70,19 +61,11 @@ def parameter(laws: Laws, material: str, symbol: str, unit: str) -> float:
 
 def maxima(findings: Findings) -> pd.DataFrame:
     """Tables 2 and 4: largest stresses (kPa) and strains (%) of the cases solved."""
-    results, columns = findings.results, ["tissue", "quantity", "socket", "material_set", "unit"]
-    rows = [
-        {
-            **{name: getattr(row, name) for name in columns},
-            **compare(
-                results.value(row.socket, row.material_set, row.tissue, row.quantity), row.printed
-            ),
-            "note": row.note,
-        }
-        for row in published.maxima().itertuples()
-        if (row.socket, row.material_set) in results
-    ]
-    return pd.DataFrame(rows, columns=[*columns, "ours", "paper", "ratio", "sign_flip", "note"])
+    cell = ["tissue", "quantity", *KEY]
+    ours = findings.results.summary.rename(columns={"value": "ours"})[[*cell, "ours"]]
+    solved = pd.DataFrame(list(findings.results), columns=list(KEY))
+    printed = published.maxima().rename(columns={"printed": "paper"}).merge(solved, on=list(KEY))
+    return compare(printed.merge(ours, on=cell, how="left"), [*cell, "unit"])
 
 
 def changes(findings: Findings) -> pd.DataFrame:
@@ -90,28 +73,16 @@ def changes(findings: Findings) -> pd.DataFrame:
 
     Beside them the changes of magnitude: ours, and the paper's where Tables 2 and 4 give it.
     """
-    columns = ["tissue", "site", "socket", "quantity"]
-    at = findings.changes.set_index(columns)
-    printed = published.maximum()
-    rows = []
-    for row in published.changes().itertuples():
-        key = tuple(getattr(row, name) for name in columns)
-        if key not in at.index:
-            continue
-        ours = at.loc[key]
-        cell = (row.tissue, row.quantity, row.socket)
-        theirs = [printed[(*cell, name)] for name in SETS]
-        rows.append(
-            {
-                **dict(zip(columns, key, strict=True)),
-                **compare(ours.relative_change_pct, row.printed),
-                "ours_magnitude": ours.magnitude_change_pct,
-                "paper_magnitude": magnitude_change(*theirs) if row.site == "max_both" else np.nan,
-                "region": ours.region,
-                "note": row.note,
-            }
-        )
-    return pd.DataFrame(rows)
+    cell = ["tissue", "site", "socket", "quantity"]
+    names = {"relative_change_pct": "ours", "magnitude_change_pct": "ours_magnitude"}
+    ours = findings.changes.rename(columns=names)[[*cell, *names.values(), "region"]]
+    rows = published.changes().rename(columns={"printed": "paper"}).merge(ours, on=cell)
+    both = published.maximum().abs().unstack("material_set")
+    change = (100 * (both.combined / both.separate - 1)).rename("paper_magnitude")
+    rows = rows.join(change, on=change.index.names)
+    rows["paper_magnitude"] = rows.paper_magnitude.where(rows.site == "max_both")
+    more = ["ours_magnitude", "paper_magnitude", "region", "note"]
+    return compare(rows, cell).drop(columns="note").join(rows[more])
 
 
 def agreement(cells: pd.DataFrame, by: list[str]) -> pd.DataFrame:
@@ -119,18 +90,13 @@ def agreement(cells: pd.DataFrame, by: list[str]) -> pd.DataFrame:
 
     The worst ratio is the one farthest from 1 in either direction, by its logarithm.
     """
-    rows = []
-    for key, group in cells.dropna(subset="ratio").groupby(by, sort=False):
-        far = np.abs(np.log(group.ratio.clip(lower=np.finfo(float).tiny)))
-        worst = group.loc[far.idxmax()]
-        rows.append(
-            {
-                **dict(zip(by, key, strict=True)),
-                "cells": len(group),
-                "median_ratio": group.ratio.median(),
-                "worst_ratio": worst.ratio,
-                "worst_at": f"{worst.socket} {worst.quantity}",
-                "sign_flips": int(group.sign_flip.sum()),
-            }
-        )
-    return pd.DataFrame(rows)
+    cells = cells.dropna(subset="ratio")
+    far = np.abs(np.log(cells.ratio.clip(lower=np.finfo(float).tiny)))
+    groups = cells.groupby(by, sort=False)
+    worst = cells.loc[far.groupby([cells[name] for name in by], sort=False).idxmax()]
+    found = groups.agg(cells=("ratio", "size"), median_ratio=("ratio", "median")).reset_index()
+    return found.assign(
+        worst_ratio=worst.ratio.to_numpy(),
+        worst_at=(worst.socket + " " + worst["quantity"]).to_numpy(),
+        sign_flips=groups.sign_flip.sum().to_numpy(),
+    )

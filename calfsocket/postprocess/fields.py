@@ -1,11 +1,13 @@
 """The solved section as plain arrays: what quantities, files and pictures are made from."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calfsocket.materials.tissues import TISSUES
+from calfsocket.meshes.quality import determinant, jacobians
 
 # Reference coordinates of the 3-point rule of a triangle, which is that of Abaqus's CPE6H.
 GAUSS_POINTS = np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]])
@@ -87,7 +89,12 @@ class SectionFields:
         if np.linalg.det(self.deformation_gradient).min() <= 0:
             raise ValueError("deformation_gradient has det F <= 0: a cell is inverted")
 
-    @property
+    @cached_property
+    def gauss_area(self) -> NDArray[np.float64]:
+        """Area of the reference section that each Gauss point stands for, mm^2, (n_cells, 3)."""
+        return np.abs(determinant(jacobians(self.points[self.cells], GAUSS_POINTS))) / 6
+
+    @cached_property
     def tissue(self) -> NDArray[np.int64]:
         """Index into `TISSUES` of each cell, (n_cells,)."""
         ids, place = np.unique(self.region, return_inverse=True)

@@ -14,7 +14,7 @@ points, before any averaging: averaged, one cell's spike would lend itself to it
 common edge's midpoint is the site.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -383,7 +383,9 @@ def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[fl
     return float(x), float(y), fields.region_names[int(region[cell])]
 
 
-def summary(quantities: Quantities, contact: ContactLine) -> pd.DataFrame:
+def summary(
+    quantities: Quantities, contact: ContactLine, levels: Mapping[str, Maximum] | None = None
+) -> pd.DataFrame:
     """Return the level of every quantity in every tissue, with `SUMMARY_COLUMNS`.
 
     Sites are positions in the reference section; a mean has none. Tissues that the section does
@@ -398,7 +400,7 @@ def summary(quantities: Quantities, contact: ContactLine) -> pd.DataFrame:
             if quantity != "pressure" or tissue == "vessel":
                 rows.append((tissue, quantity, unit, quantities.maximum(tissue, quantity)))
         if tissue == "skin":
-            found = contact_quantities(fields, contact)
+            found = levels or contact_quantities(fields, contact)
             rows += [(tissue, name, CONTACT_UNITS[name], value) for name, value in found.items()]
     return summary_table(rows)
 

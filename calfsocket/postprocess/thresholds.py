@@ -17,12 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.quality import determinant, jacobians
 from calfsocket.postprocess.contact_line import ContactLine
-from calfsocket.postprocess.fields import GAUSS_POINTS, TISSUES, SectionFields
+from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import (
     MEASURES,
     NOWHERE,
@@ -82,14 +80,9 @@ class Threshold:
         return f"{SHARE}{self.quantity}_above_{self.value:.10g}_{unit}"
 
 
-def gauss_areas(fields: SectionFields) -> NDArray[np.float64]:
-    """Area of the reference section that each Gauss point stands for, mm^2, (n_cells, 3)."""
-    return np.abs(determinant(jacobians(fields.points[fields.cells], GAUSS_POINTS))) / 6
-
-
 def tissue_area(fields: SectionFields, tissue: str) -> float:
     """Area of a tissue in the reference section, mm^2."""
-    return float(gauss_areas(fields)[fields.tissue == TISSUES.index(tissue)].sum())
+    return float(fields.gauss_area[fields.tissue == TISSUES.index(tissue)].sum())
 
 
 def area_beyond(quantities: Quantities, threshold: Threshold) -> float:
@@ -98,7 +91,7 @@ def area_beyond(quantities: Quantities, threshold: Threshold) -> float:
     if threshold.quantity in SIGNED:
         values = np.abs(values)
     inside = (fields.tissue == TISSUES.index(threshold.tissue))[:, None]
-    return float(gauss_areas(fields)[inside & (values > threshold.value)].sum())
+    return float(fields.gauss_area[inside & (values > threshold.value)].sum())
 
 
 def share_beyond(quantities: Quantities, contact: ContactLine, threshold: Threshold) -> float:

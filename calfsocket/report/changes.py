@@ -20,7 +20,6 @@ from calfsocket.postprocess.quantities import (
     SUMMARY_TISSUES,
     UNITS,
     Maximum,
-    contact_quantities,
     first_largest,
 )
 from calfsocket.simulation.result import Result
@@ -118,7 +117,7 @@ def _contact_rows(separate: Result, combined: Result) -> list[dict[str, Any]]:
     pair = (separate, combined)
     # point by point: the skin's mesh is the same in both sets
     smooth = [each.line.running_mean_kPa for each in pair]
-    found = [contact_quantities(each.fields, each.line) for each in pair]
+    found = [each.contact_levels for each in pair]
     rows = []
     for site, own, levels in zip(SITES, smooth, found, strict=False):
         point, place = first_largest(own), levels["contact_pressure_max"]

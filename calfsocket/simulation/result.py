@@ -12,7 +12,7 @@ from calfsocket.io.files import replacing, write_json
 from calfsocket.io.schema import read_json
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.quantities import Quantities, summary
+from calfsocket.postprocess.quantities import Maximum, Quantities, contact_quantities, summary
 from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
 from calfsocket.simulation.record import CaseRecord, Checks
 
@@ -86,8 +86,13 @@ class Result:
         return Quantities.of(self.fields)
 
     @cached_property
+    def contact_levels(self) -> dict[str, Maximum]:
+        """Largest and mean contact pressure, and the share of the skin in contact."""
+        return contact_quantities(self.fields, self.line)
+
+    @cached_property
     def _summary(self) -> pd.DataFrame:
-        return summary(self.quantities, self.line)
+        return summary(self.quantities, self.line, self.contact_levels)
 
     def summary(self) -> pd.DataFrame:
         """Return the largest level of every quantity in every tissue, and the contact's numbers.

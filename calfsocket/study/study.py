@@ -1,5 +1,6 @@
 """A study: the cases of a study file on one limb, and where their results go."""
 
+import logging
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,9 @@ from calfsocket.study.cases import Case, Plan, Planner
 from calfsocket.study.files import Files, sha256
 from calfsocket.study.record import check_folder
 from calfsocket.study.runner import Runner
+
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -210,6 +214,7 @@ class Study:
         comm = comm or MPI.COMM_WORLD
         folder = Path(self.plan.document.study.out if out is None else out)
         on_first_rank(comm, lambda: check_folder(folder, self.plan, overwrite))
+        log.info("results go to %s", folder)
         runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
         runner.run(resume)
         return load_results(folder)

@@ -47,7 +47,7 @@ LINE = replace(PARTIAL_SLIP, divisions=6.0)
 
 @dataclass(frozen=True)
 class Push:
-    """A disc pushed to and fro, step by step; arrays have one value a step, the first before any."""
+    """A disc pushed to and fro; arrays have one value a step, the first before any."""
 
     line: Line  #: the problem
     way: FloatArray  #: (n,) where the core is, mm

@@ -215,7 +215,7 @@ def _verdicts(table: pd.DataFrame, elements: Mapping[str, float]) -> str:
 def _branches(
     paths: Sequence[LimbPath], failed: Sequence[str], references: Mapping[str, LimbPath]
 ) -> str:
-    """Say which paths end elsewhere than the study's, or fail."""
+    """Describe which paths end elsewhere than the study's, or fail."""
     other = []
     for path in paths:
         reference = references[path.name].end

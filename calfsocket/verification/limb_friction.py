@@ -221,7 +221,7 @@ def _end_checks(socket: str, ends: dict[str, Fitting]) -> list[Check]:
 
 
 def _finding(socket: str, ends: dict[str, Fitting]) -> str:
-    """Say how far each path ends from the study's."""
+    """Describe how far each path ends from the study's."""
     closed, others = ends["closed"], []
     for path, made in ends.items():
         if path == "closed":

@@ -62,7 +62,7 @@ class Solve:
         )
 
     def cuts(self) -> NDArray[np.bool_]:
-        """Tell in which iterations the line search cut the step."""
+        """Mark the iterations in which the line search cut the step."""
         return np.diff(self.evaluations) > 1
 
 

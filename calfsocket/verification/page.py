@@ -7,7 +7,7 @@ subject can be run again without the others.
 import importlib
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,28 +62,28 @@ class Part:
     body: str  #: markdown
 
     def __str__(self) -> str:
-        """Give the section between its comments."""
-        told = (
+        """Return the section between its comments."""
+        return (
             f"<!-- {self.subject}: {self.passed} of {self.checks} checks, {self.seconds:.0f} s, "
-            f"calfsocket {self.version} -->"
+            f"calfsocket {self.version} -->\n{self.body}<!-- end of {self.subject} -->\n"
         )
-        return f"{told}\n{self.body}<!-- end of {self.subject} -->\n"
 
     @classmethod
     def all_of(cls, page: str) -> dict[str, "Part"]:
         """Read the sections of a page back."""
         found = re.finditer(
-            r"<!-- (\w+): (\d+) of (\d+) checks, (\d+) s, calfsocket (\S+) -->\n"
-            r"(## (.*?)\n.*?)<!-- end of \1 -->\n",
+            r"<!-- (?P<subject>\w+): (?P<passed>\d+) of (?P<checks>\d+) checks, "
+            r"(?P<seconds>\d+) s, calfsocket (?P<version>\S+) -->\n"
+            r"(?P<body>## (?P<title>.*?)\n.*?)<!-- end of \1 -->\n",
             page,
             flags=re.DOTALL,
         )
-        return {
-            subject: cls(subject, title, int(checks), int(passed), float(seconds), version, body)
-            for subject, passed, checks, seconds, version, body, title in (
-                match.groups() for match in found
-            )
-        }
+        numbers = {"passed": int, "checks": int, "seconds": float}
+        parts = [
+            cls(**{name: numbers.get(name, str)(text) for name, text in match.groupdict().items()})
+            for match in found
+        ]
+        return {part.subject: part for part in parts}
 
 
 def chosen_subjects(names: Sequence[str]) -> list[str]:
@@ -153,18 +153,19 @@ def write_page(
 
 def _summary(parts: Sequence[Part]) -> str:
     rows = [
-        f"| [{part.title}](#{_anchor(part.title)}) | `{part.subject}` | {part.checks} "
-        f"| {part.passed if part.passed == part.checks else f'**{part.passed}**'} "
-        f"| {part.seconds:.0f} | {part.version} |"
+        {
+            "section": f"[{part.title}](#{_anchor(part.title)})",
+            "subject": f"`{part.subject}`",
+            "checks": part.checks,
+            "passed": f"{part.passed}" if part.passed == part.checks else f"**{part.passed}**",
+            "seconds": f"{part.seconds:.0f}",
+            "calfsocket": part.version,
+        }
         for part in parts
     ]
-    total = [sum(values) for values in zip(*((p.checks, p.passed) for p in parts), strict=True)]
-    seconds = sum(part.seconds for part in parts)
-    rows.append(f"| all | | {total[0]} | {total[1]} | {seconds:.0f} | |")
-    head = (
-        "| section | subject | checks | passed | seconds | calfsocket |\n|---|---|--:|--:|--:|--:|"
-    )
-    return "\n".join([head, *rows]) + "\n"
+    total = {name: sum(getattr(p, name) for p in parts) for name in ("checks", "passed", "seconds")}
+    rows.append({"section": "all", **total, "seconds": f"{total['seconds']:.0f}"})
+    return _markdown(pd.DataFrame(rows).fillna(""), right=("checks", "passed", "seconds")) + "\n"
 
 
 def _anchor(title: str) -> str:
@@ -176,15 +177,12 @@ def _body(section: Section, checks: Sequence[Check], folder: Path) -> str:
     for name, frame in section.files.items():
         with replacing(folder / name) as temporary:
             frame.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
-    files = [f"In full: [{name}]({FOLDER}/{name})." for name in section.files]
-    rows = "\n".join(_row(check) for check in checks)
-    table = f"| measured | value | bar | | exact value from |\n|---|--:|--:|---|---|\n{rows}"
     parts = [
         f"## {section.title}",
         section.text.strip(),
-        table,
+        _markdown(pd.DataFrame(map(_row, checks)), right=("value", "bar")),
         *map(_table, section.tables),
-        *files,
+        *(f"In full: [{name}]({FOLDER}/{name})." for name in section.files),
         *(_figure(figure, folder) for figure in section.figures),
     ]
     return "\n\n".join(parts) + "\n\n"
@@ -193,18 +191,15 @@ def _body(section: Section, checks: Sequence[Check], folder: Path) -> str:
 _SIGN = {"at most": "≤", "at least": "≥", "exactly": "="}
 
 
-def _row(check: Check) -> str:
-    verdict = "passes" if check.passes else "**fails**"
+def _row(check: Check) -> dict[str, str]:
     unit = f" {check.unit}" if check.unit else ""
-    return (
-        f"| {_escaped(check.name)} | {_number(check.measured)}{unit} "
-        f"| {_SIGN[check.rule]} {_number(check.bar)}{unit} | {verdict} | {_escaped(check.source)} |"
-    )
-
-
-def _escaped(text: str) -> str:
-    """Keep bars of magnitudes from ending a cell."""
-    return text.replace("|", r"\|")
+    return {
+        "measured": check.name,
+        "value": _number(check.measured) + unit,
+        "bar": f"{_SIGN[check.rule]} {_number(check.bar)}{unit}",
+        "": "passes" if check.passes else "**fails**",
+        "exact value from": check.source,
+    }
 
 
 def _number(value: float) -> str:
@@ -213,19 +208,23 @@ def _number(value: float) -> str:
 
 
 def _table(table: Table) -> str:
-    """Markdown of a table, numbers to the right."""
     frame = table.frame
-    align = ["--:" if pd.api.types.is_numeric_dtype(kind) else "---" for kind in frame.dtypes]
+    right = [name for name in frame if pd.api.types.is_numeric_dtype(frame[name])]
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
             return "" if pd.isna(value) else f"{value:.{table.digits}g}"
-        return _escaped(str(value))
+        return str(value)
 
-    rows = [list(map(cell, frame.columns)), align]
-    rows += [[cell(value) for value in row] for row in frame.itertuples(index=False)]
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([f"*{table.caption}*", "", *lines])
+    return f"*{table.caption}*\n\n{_markdown(frame.map(cell), right)}"
+
+
+def _markdown(frame: pd.DataFrame, right: Collection[str]) -> str:
+    """Markdown of a table of texts, some columns to the right."""
+    align = ["--:" if name in right else "---" for name in frame]
+    # Bars of magnitudes must not end a cell.
+    cells = [[str(text).replace("|", r"\|") for text in row] for row in frame.to_numpy()]
+    return "\n".join(f"| {' | '.join(row)} |" for row in [list(frame), align, *cells])
 
 
 def _figure(figure: Figure, folder: Path) -> str:

@@ -65,7 +65,7 @@ class Profile:
     radius: FloatArray
     deformed: FloatArray
     stretch: FloatArray  #: (2, n) radial and hoop
-    stress: FloatArray  #: (3, n) cauchy stress, radial, hoop and axial, MPa
+    stress: FloatArray  #: (3, n) Cauchy stress, radial, hoop and axial, MPa
 
 
 class RingLaw:

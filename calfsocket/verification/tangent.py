@@ -181,18 +181,17 @@ def law_parameters(problem: Problem) -> dict[str, fem.Function]:
     return {parameter.name: parameter for parameter in problem.fields.parameters}
 
 
-Moves = dict[tuple[str, str], tuple[float, float, bool]]
-"""Relative change of residual and of tangent by parameter and state, and whether it should be."""
+def moves_of(name: str) -> list[dict[str, object]]:
+    """Move each parameter of contact, and in the mixed state each of the laws, in a state.
 
-
-def moves_of(name: str) -> Moves:
-    """Move each parameter of contact, and in the mixed state each of the laws, in a state."""
+    A row has parameter, state, the relative changes of residual and of tangent times a direction,
+    and whether the two should move.
+    """
     problem, x = state(KINDS[name])
     A, direction = problem.create_matrix(), x.duplicate()
     direction.array[:] = random_direction(problem, x)
 
     def both() -> tuple[PETSc.Vec, PETSc.Vec]:
-        """Return the residual, and the tangent times a direction."""
         residual, along = x.duplicate(), x.duplicate()
         problem.residual(x, residual)
         problem.tangent(x, A)
@@ -200,29 +199,29 @@ def moves_of(name: str) -> Moves:
         return residual, along
 
     before = both()
-
-    def change() -> tuple[float, float]:
-        f, g = ((now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True))
-        return f, g
-
     should = {parameter: name in counts for parameter, counts in CONTACT_PARAMETERS.items()}
     if name == "mixed":
         should |= dict.fromkeys(law_parameters(problem), True)
-    moves = {}
+    rows = []
     for parameter, moving in should.items():
         with moved(problem, parameter):
-            moves[parameter, name] = (*change(), moving)
-    return moves
+            f, g = (
+                (now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True)
+            )
+        changes = {"residual": f, "tangent": g, "should": "moves" if moving else "stays"}
+        rows.append({"parameter": parameter, "state": name, **changes})
+    return rows
 
 
-def parameter_moves() -> Moves:
+def parameter_moves() -> pd.DataFrame:
     """Move the parameters in every state."""
-    return {key: move for name in KINDS for key, move in moves_of(name).items()}
+    return pd.DataFrame(row for name in KINDS for row in moves_of(name))
 
 
-def as_it_should(moves: Moves) -> int:
+def as_it_should(moves: pd.DataFrame) -> int:
     """Count the parameters and states where both move, or neither does, as they should."""
-    return sum((f > 0) == (A > 0) == should for f, A, should in moves.values())
+    should = moves["should"] == "moves"
+    return int((((moves["residual"] > 0) == should) & ((moves["tangent"] > 0) == should)).sum())
 
 
 # -- Newton's method ------------------------------------------------------------------------------
@@ -288,10 +287,6 @@ def report() -> Section:
     lines: list[Curve] = [(probe.before, probe.after, "o-", name) for name, probe in probes.items()]
     before, after = probes["mixed"].before, probes["mixed"].after
     lines.append((before, 2.0 * after[0] * (before / before[0]) ** 2, "k--", "slope 2"))
-    frame = [
-        {"parameter": parameter, "state": name, "residual": f, "tangent": A, "should": should}
-        for (parameter, name), (f, A, should) in moves.items()
-    ]
     return Section(
         "The tangent",
         __doc__ or "",
@@ -309,7 +304,7 @@ def report() -> Section:
             Table(
                 f"Relative change when a parameter grows by {MOVE:.0%}; in the states where it "
                 "plays no part it must be zero.",
-                pd.DataFrame(frame).replace({"should": {True: "moves", False: "stays"}}),
+                moves,
                 2,
             )
         ],

@@ -53,8 +53,8 @@ typedef struct {
     const double *unknowns;  /* present values */
     const int32_t *dofs;     /* of each cell */
     const int64_t *parameters; /* addresses of values, and of each cell's place among them */
-    const double *bedding;   /* stiffness in each cell, or nothing */
-    const double *anchor;    /* unknowns at which the bedding is at rest */
+    const double *foundation; /* stiffness in each cell, or nothing */
+    const double *anchor;     /* unknowns at which the foundation is at rest */
 } tissue;
 
 /* One cell, at its points. */
@@ -152,7 +152,7 @@ VECTORISED static void element_residual(const tissue *t, int cell, element_vecto
         for (int m = 0; m < 3; ++m)
             r->pressure[m] += at->pressure[m].at[q] * Pq[VOLUME][lane];
     }
-    if (t->bedding && t->bedding[cell] != 0.0) {
+    if (t->foundation && t->foundation[cell] != 0.0) {
         const int32_t *dofs = t->dofs + (size_t)cell * UNKNOWNS;
         for (int q = 0; q < POINTS; ++q)
             for (int c = 0; c < 2; ++c) {
@@ -163,7 +163,7 @@ VECTORISED static void element_residual(const tissue *t, int cell, element_vecto
                 }
                 for (int h = 0; h < PARTS; ++h)
                     r->displacement.component[c].part[h] +=
-                        s.weight.at[q] * t->bedding[cell] * u * at->shape[q].part[h];
+                        s.weight.at[q] * t->foundation[cell] * u * at->shape[q].part[h];
             }
     }
 }
@@ -215,10 +215,10 @@ VECTORISED static void element_tangent(const tissue *t, int cell, element_matrix
                 xy.part[h] += left[q][2].at[a] * gxh + left[q][3].at[a] * gyh;
                 yy.part[h] += left[q][4].at[a] * gxh + left[q][5].at[a] * gyh;
             }
-        if (t->bedding && t->bedding[cell] != 0.0)
+        if (t->foundation && t->foundation[cell] != 0.0)
             for (int q = 0; q < POINTS; ++q)
                 for (int h = 0; h < PARTS; ++h) {
-                    vector mass = s.weight.at[q] * t->bedding[cell] * at->shape[q].at[a] *
+                    vector mass = s.weight.at[q] * t->foundation[cell] * at->shape[q].at[a] *
                                   at->shape[q].part[h];
                     xx.part[h] += mass;
                     yy.part[h] += mass;

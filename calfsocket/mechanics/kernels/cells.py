@@ -70,8 +70,9 @@ class CellLoops:
         Displacement (mm) and scaled pressure in the space of `forms.element.section_element`.
     fields : LawFields
         The laws.
-    bedding : (fem.Function, fem.Function), optional
-        Stiffness of a bedding in each cell (DG0, N/mm^3), and where it is at rest (in w's space).
+    foundation : (fem.Function, fem.Function), optional
+        Stiffness of an elastic foundation in each cell (DG0, N/mm^3), and where it is at rest (in
+        w's space).
 
     Attributes
     ----------
@@ -83,10 +84,10 @@ class CellLoops:
         self,
         w: fem.Function,
         fields: LawFields,
-        bedding: tuple[fem.Function, fem.Function] | None = None,
+        foundation: tuple[fem.Function, fem.Function] | None = None,
     ) -> None:
         V = w.function_space
-        self._w, self._bedding = w, bedding
+        self._w, self._foundation = w, foundation
         self._element = reference_element(V)
         self._laws = []
         for tag, material in fields.materials.items():
@@ -122,10 +123,10 @@ class CellLoops:
         self._run("add_tangents", keeps_constant, positions, inverse, coupling, values)
 
     def _run(self, name: str, *arguments: NDArray[Any]) -> None:
-        V, bedding, anchor = self._w.function_space, None, None
-        if self._bedding:
-            stiffness, at_rest = self._bedding
-            bedding = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
+        V, foundation, anchor = self._w.function_space, None, None
+        if self._foundation:
+            stiffness, at_rest = self._foundation
+            foundation = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
             anchor = at_rest.x.array
         geometry = V.mesh.geometry
         for library, cells, addresses in self._laws:
@@ -139,7 +140,7 @@ class CellLoops:
                 self._w.x.array,
                 V.dofmap.list,
                 addresses,
-                bedding,
+                foundation,
                 anchor,
                 *arguments,
             )

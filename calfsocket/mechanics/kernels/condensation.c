@@ -8,8 +8,8 @@
 #include "cells.h"
 
 enum { INSIDE = 5, CONSTANT = 4, OUTSIDE = 13, CONSTANT_OUTSIDE = 12 };
-/* In the place of an entry's position: its unknown is held, or the pattern lacks it. */
-enum { HELD = -1, LACKING = -2 };
+/* In the place of an entry's position: its unknown is constrained, or the pattern lacks it. */
+enum { CONSTRAINED = -1, LACKING = -2 };
 
 /* A row of the equations inside: over the displacements outside, and over right hand sides: 1 for
  * each of the equations, and what the constant meets where it is outside. */
@@ -123,12 +123,12 @@ INLINE void add(double value, int32_t position, double *values)
 /* Tangents of n cells, added to the matrix's values. */
 void add_tangents(int n, const int32_t *cells, const double *element, const double *x,
                   const int32_t *nodes, const double *unknowns, const int32_t *dofs,
-                  const int64_t *parameters, const double *bedding,
+                  const int64_t *parameters, const double *foundation,
                   const double *anchor, const uint8_t *keeps_constant, const int32_t *positions,
                   double *inverse, double *coupling, double *values)
 {
-    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters, bedding,
-                anchor};
+    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters,
+                foundation, anchor};
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
@@ -215,7 +215,7 @@ void backward(int n, const double *residual, const int32_t *dofs, const int32_t 
 static int32_t place(int32_t row, int32_t column, const int64_t *starts, const int32_t *columns)
 {
     if (row < 0 || column < 0)
-        return HELD;
+        return CONSTRAINED;
     int64_t low = starts[row], high = starts[row + 1];
     while (low < high) {
         int64_t middle = (low + high) / 2;

@@ -5,11 +5,11 @@
 /* Residuals of n cells, added to the values of their unknowns. */
 void add_residuals(int n, const int32_t *cells, const double *element, const double *x,
                    const int32_t *nodes, const double *unknowns, const int32_t *dofs,
-                   const int64_t *parameters, const double *bedding,
+                   const int64_t *parameters, const double *foundation,
                    const double *anchor, double *values)
 {
-    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters, bedding,
-                anchor};
+    tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters,
+                foundation, anchor};
     for (int i = 0; i < n; ++i) {
         const int32_t *dof = dofs + (size_t)cells[i] * UNKNOWNS;
         element_vector r;

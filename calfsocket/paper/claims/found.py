@@ -98,7 +98,7 @@ def _both(e: Evidence, of: str = "") -> pd.DataFrame:
 
 @fact
 def maxima_that_differ(e: Evidence, of: str) -> Fact:
-    """Return the share of maxima whose magnitude differs between the sets; 0 if a tissue has none."""
+    """Return the share of maxima that differ in magnitude; 0 where a tissue has none."""
     rows = _both(e)
     differ = rows.magnitude_change_pct.abs() > DIFFERS_PCT
     same = [f"{r.tissue} {r.socket} {r.quantity}" for r in rows[~differ].itertuples()]

@@ -23,7 +23,7 @@ from calfsocket.paper.evidence import (
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
 from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES, UNITS, Maximum, Quantities
-from calfsocket.postprocess.thresholds import gauss_areas, tissue_area
+from calfsocket.postprocess.thresholds import tissue_area
 from calfsocket.report.changes import SETS, relative_change
 from calfsocket.report.names import QUANTITIES
 
@@ -266,7 +266,7 @@ def shared_nodes(e: Evidence, of: str) -> Fact:
 def refined_at_thin_fascia(e: Evidence, of: str) -> Fact:
     """Return the size of elements in fascia at the bones over that in muscle."""
     fields = e.any_case().fields
-    size = np.sqrt(gauss_areas(fields).sum(axis=1) * 4 / np.sqrt(3))  # side of an equal triangle
+    size = np.sqrt(fields.gauss_area.sum(axis=1) * 4 / np.sqrt(3))  # side of an equal triangle
     bone = fields.cells[fields.tissue == TISSUES.index("bone")]
     at_bone = np.isin(fields.cells, bone).any(axis=1)
     thin = at_bone & (fields.tissue == TISSUES.index("fascia"))

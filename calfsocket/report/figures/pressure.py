@@ -12,7 +12,6 @@ from calfsocket.plotting import section as drawing
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
 from calfsocket.plotting.style import legend_at, window_around
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
-from calfsocket.postprocess.quantities import contact_quantities
 from calfsocket.report.figures.cases import case_panels
 from calfsocket.report.figures.geometry import BONE_DARK, LIMB
 from calfsocket.simulation.result import Result
@@ -47,9 +46,8 @@ def contact_pressure(results: Results) -> Figure:
         peak = int(np.argmax(smooth))
         x, y = band.at(band.pressure_kPa)[peak]
         axes.plot(x, y, "o", markersize=3.4, color=drawing.ABOVE, zorder=6)
-        levels_held = contact_quantities(fields, result.line)
-        mean = levels_held["contact_pressure_mean"].value
-        share = levels_held["contact_share"].value
+        mean = result.contact_levels["contact_pressure_mean"].value
+        share = result.contact_levels["contact_share"].value
         x, y = limb.get_extents().get_points().mean(axis=0)
         axes.text(
             x, y - 22,
