@@ -24,7 +24,6 @@ from calfsocket.study.files import Files, sha256
 from calfsocket.study.record import check_folder
 from calfsocket.study.runner import Runner
 
-
 log = logging.getLogger(__name__)
 
 
