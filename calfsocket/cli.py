@@ -134,17 +134,11 @@ def _split_petsc(argv: list[str]) -> tuple[list[str], list[str]]:
     """Part PETSc's options (-calfsocket_NAME [VALUE]) from ours."""
     ours: list[str] = []
     petsc: list[str] = []
-    takes_value = False
+    named = False
     for word in argv:
-        if word.startswith("-calfsocket_"):
-            petsc.append(word)
-            takes_value = True
-        elif takes_value and not word.startswith("--"):
-            petsc.append(word)
-            takes_value = False
-        else:
-            ours.append(word)
-            takes_value = False
+        is_value = named and not word.startswith("--")
+        named = word.startswith("-calfsocket_")
+        (petsc if named or is_value else ours).append(word)
     return ours, petsc
 
 

@@ -100,7 +100,6 @@ def test_what_study_and_calibration_share_is_refused_by_both(
     [
         (["--sizes", "coarse"], ["--sizes", "did you mean --size?"]),
         (["studdy"], ["studdy", "no such option or command"]),
-        (["--size", "tiny"], ["tiny", "coarse, medium, paper"]),
         (["--sockets", "TC,XX"], ["--sockets", "'XX'", "TC, TSB, HS"]),
         (["--sockets", "TC,tc"], ["--sockets", "twice"]),
         (["--sockets", ""], ["--sockets", "TC, TSB, HS"]),

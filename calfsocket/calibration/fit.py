@@ -55,7 +55,6 @@ class Fit:
     start: Ogden  #: where the search began
     names: tuple[str, ...]  #: "mu", "alpha" and, where it was free, "d1"
     relative_covariance: FloatArray  #: of the parameters' relative changes, d ln theta, (k, k)
-    force: FloatArray  #: fitted curve, N/mm, (n,)
     rms: float  #: root mean square of the residuals, as a share of the largest force
     curves: int  #: curves solved
 
@@ -167,7 +166,6 @@ def fit_curve(
         start=start,
         names=names,
         relative_covariance=covariance,
-        force=reference + largest * r,
         rms=_rms(r),
         curves=len(solved),
     )

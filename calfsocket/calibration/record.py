@@ -20,25 +20,23 @@ from calfsocket.meshes.plate import Plate
 FloatArray = NDArray[np.float64]
 
 
-class Start(Strict):
-    """Where a search began."""
+class Parameters(Strict):
+    """Ogden's parameters of one term, such as those where a search began."""
 
     mu_kPa: float
     alpha: float
 
 
-class CombinedLaw(Strict):
+class CombinedLaw(Parameters):
     """Ogden's law of one term for muscle and fascia."""
 
-    mu_kPa: float
-    alpha: float
     d1_per_MPa: float
 
 
 class FittedLaw(CombinedLaw):
     """The law fitted, and how well it is determined."""
 
-    start: Start
+    start: Parameters
     alpha_at_limit: bool  #: whether alpha ended at an end of its range
     rms_share_of_largest_force: float  #: of the difference to Separate's curve
     parameters: tuple[str, ...]  #: what was free: mu, alpha and perhaps d1

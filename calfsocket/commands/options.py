@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from calfsocket.commands import Option, option
-from calfsocket.io.errors import InputError
+from calfsocket.io.errors import InputError, error_context
 
 if TYPE_CHECKING:
     from calfsocket.materials.material_set import BaseSet
@@ -66,10 +66,8 @@ def checked_size(word: str) -> str:
     """Return the name of a mesh size, which must exist."""
     from calfsocket.meshes.sizing import mesh_size
 
-    try:
+    with error_context("--size"):
         return mesh_size(word).name
-    except InputError as error:
-        raise InputError(f"--size: {error}") from None
 
 
 def material_files(words: Sequence[str], sets: Iterable["BaseSet"]) -> dict[str, Path]:
