@@ -45,51 +45,25 @@ _HEADER = re.compile(r"\s*(\w+)\s*(?:\[([^\]]*)\])?\s*")
 
 @dataclass(frozen=True)
 class Test:
-    """One test: engineering stress over stretch.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    title : str
-        First comment of the file, or its name.
-    sha256 : str
-        Hash of the file.
-    mode : str
-        Kind of test.
-    measure : str
-        Stress as measured: "engineering" or "cauchy".
-    stretch : (n,)
-        Along the load, 1 unloaded.
-    stress : (n,)
-        Engineering stress, MPa.
-    sd : (n,) or None
-        Its standard deviation, MPa, where known.
-    """
+    """One test: engineering stress over stretch."""
 
     __test__ = False  # not one of pytest's
 
     path: Path
-    title: str
-    sha256: str
+    title: str  #: first comment of the file, or its name
+    sha256: str  #: of the file
     mode: Mode
-    measure: Measure
-    stretch: Array
-    stress: Array
-    sd: Array | None
+    measure: Measure  #: stress as measured
+    stretch: Array  #: along the load, 1 unloaded, (n,)
+    stress: Array  #: engineering stress, MPa, (n,)
+    sd: Array | None  #: its standard deviation, MPa, where known, (n,)
 
 
 def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = None) -> Test:
     """Read a test.
 
-    Parameters
-    ----------
-    path
-        CSV file.
-    mode
-        Kind of test; uniaxial where neither this nor the file says.
-    measure
-        What a column ``stress`` holds; engineering stress where neither this nor the header says.
+    Where neither the file nor `mode` and `measure` say so, it is uniaxial, and a column ``stress``
+    holds the engineering stress.
 
     Raises
     ------
@@ -111,16 +85,8 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
         raise InputError(
             f"{path}: the stress does no work; give tension above 0 and compression below 0"
         )
-    return Test(
-        path=Path(path),
-        title=table.title,
-        sha256=table.sha256,
-        mode=mode,
-        measure=measure or "engineering",
-        stretch=stretch,
-        stress=stress,
-        sd=sd,
-    )
+    measure = measure or "engineering"
+    return Test(table.path, table.title, table.sha256, mode, measure, stretch, stress, sd)
 
 
 class _Table:

@@ -23,66 +23,31 @@ SAME = 1e-3
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where searches ended.
+    """Where searches ended."""
 
-    Attributes
-    ----------
-    parameters : (n,)
-        Coefficients in MPa, then exponents.
-    sum_of_squares : float
-        Of the weighted residuals.
-    searches : int
-        How many converged searches ended here.
-    """
-
-    parameters: Array
-    sum_of_squares: float
-    searches: int
+    parameters: Array  #: coefficients in MPa, then exponents, (n,)
+    sum_of_squares: float  #: of the weighted residuals
+    searches: int  #: how many converged searches ended here
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law.
-
-    Attributes
-    ----------
-    family : Family
-        What was fitted.
-    tests : tuple of Test
-        To what.
-    law : law
-        The best one, with D1 by Poisson's ratio where it has one.
-    minima : tuple of Minimum
-        The best one first, then those that fit as well: the data's noise (F-test, chi-squared where
-        standard deviations are known) does not tell them from the best at `LEVEL`.
-    covariance : (n, n)
-        Of the parameters, MPa; not a number where one is at its bound.
-    condition : float
-        Condition number of the derivatives, columns scaled to 1.
-    degrees_of_freedom : int
-        Data minus parameters that are not at their bounds.
-    chi_squared : float or None
-        Sum of the squared residuals in standard deviations, where these are known.
-    r_squared : float
-        1 - residual / total sum of squares, both weighted.
-    rms : float
-        Root mean square of the residual engineering stresses, MPa.
-    searches, unconverged : int
-        Searches from different exponents, and those that did not end.
-    """
+    """A fitted law."""
 
     family: Family
     tests: tuple[Test, ...]
-    law: Law
+    law: Law  #: the best one, with D1 by Poisson's ratio where it has one
     minima: tuple[Minimum, ...]
-    covariance: Array
-    condition: float
-    degrees_of_freedom: int
-    chi_squared: float | None
-    r_squared: float
-    rms: float
-    searches: int
-    unconverged: int
+    """The best one first, then those that fit as well: the data's noise (F-test, chi-squared where
+    standard deviations are known) does not tell them from the best at `LEVEL`."""
+    covariance: Array  #: of the parameters, MPa, (n, n); not a number where one is at its bound
+    condition: float  #: condition number of the derivatives, columns scaled to 1
+    degrees_of_freedom: int  #: data minus parameters that are not at their bounds
+    chi_squared: float | None  #: squared residuals in standard deviations, where these are known
+    r_squared: float  #: 1 - residual / total sum of squares, both weighted
+    rms: float  #: root mean square of the residual engineering stresses, MPa
+    searches: int  #: searches from different exponents
+    unconverged: int  #: those that did not end
 
     @property
     def parameters(self) -> Array:
@@ -125,18 +90,10 @@ class Fit:
 
 
 def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bool = False) -> Fit:
-    """Fit a family to tests by weighted least squares on the engineering stress.
+    """Fit a family to tests together, by weighted least squares on the engineering stress.
 
-    Parameters
-    ----------
-    family
-        What to fit; `families.family`.
-    tests
-        Data, fitted together; the material is taken as incompressible.
-    nu
-        Poisson's ratio from which the law gets its D1, where it has one.
-    free_signs
-        Whether coefficients may be negative.
+    The material is taken as incompressible; Poisson's ratio `nu` gives the law its D1, where it has
+    one. Coefficients may be negative with `free_signs`.
 
     Raises
     ------
