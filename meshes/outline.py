@@ -74,7 +74,7 @@ def _thinned(drawn: Drawn) -> Array:
         if kept is not None:
             return points[kept]
     raise InputError(
-        f"{drawn.path}: the outline is so rough that {MANY_POINTS} points do not follow it to"
+        f"{drawn.path}: the outline is too rough: {MANY_POINTS} points do not follow it to"
         f" {TOLERANCES[-1]} mm; smooth it"
     )
 

@@ -60,7 +60,7 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     """
     path = Path(path)
     if path.suffix != ".msh":
-        raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
+        raise InputError(f"{path}: meshes are gmsh files; use a name that ends in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
     size = final_size(limb, socket, size)

@@ -108,14 +108,14 @@ def test_one_sigma_intervals_hold_the_truth_two_times_in_three(name, terms, law,
         chosen = replace(chosen, starts=((4.0,),))
     truth = [law.c10, law.c20] if name == "yeoh" else [*law.mu, *law.alpha]
     rng, n = np.random.default_rng(20), 600
-    held = np.zeros(2)
+    covered = np.zeros(2)
     for _ in range(n):
         data = made_test(law, stretch=(0.7, 1.3), points=4, noise=0.02, rng=rng, sd=sd)
         found = fit(chosen, [data])
-        held += np.abs(found.parameters - truth) <= found.half_widths(SIGMA)
+        covered += np.abs(found.parameters - truth) <= found.half_widths(SIGMA)
     # Within three standard deviations of the binomial distribution, 5.7 %. With 2 degrees of
     # freedom the normal quantile in the place of Student's would hold the truth in 58 % only.
-    assert held / n == pytest.approx(SIGMA, abs=3 * np.sqrt(SIGMA * (1 - SIGMA) / n))
+    assert covered / n == pytest.approx(SIGMA, abs=3 * np.sqrt(SIGMA * (1 - SIGMA) / n))
 
 
 def test_the_band_is_that_of_the_stress():
@@ -136,7 +136,7 @@ def test_standard_deviations_weigh():
     # Weighted mean of 1 and 3 with weights 1/0.01^2 and 1/0.02^2: (4 + 3)/5.
     assert found.parameters == pytest.approx([1.4])
     assert any("larger than stress_sd explains" in note for note in notes_of(found))
-    with pytest.raises(InputError, match="let all agree"):
+    with pytest.raises(InputError, match="in all files or in none"):
         fit(family("yeoh", 1), [small, replace(large, sd=unsure)])
 
 
@@ -211,7 +211,7 @@ def test_a_coefficient_at_its_bound_has_no_interval():
     # C10 alone remains: its error is that of the fit of one term.
     one = fit(family("yeoh", 1), [data])
     assert found.half_widths()[0] == pytest.approx(one.half_widths()[0])
-    with pytest.raises(InputError, match=r"data\.csv: the best Yeoh, 2 terms is no stable law"):
+    with pytest.raises(InputError, match=r"data\.csv: the best fit of Yeoh, 2 terms is not stable"):
         fit(family("yeoh", 2), [data], free_signs=True)
 
 

@@ -59,8 +59,8 @@ def test_compression_may_run_downwards_and_repeat_a_stretch(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", ["data.csv: holds no data"]),
-        ("# only a comment\nstretch, stress [kPa]\n", ["data.csv: holds no data"]),
+        ("", ["data.csv: contains no data"]),
+        ("# only a comment\nstretch, stress [kPa]\n", ["data.csv: contains no data"]),
         (f"stretch\n{GOOD}", ["no column of engineering_stress, cauchy_stress, stress"]),
         (f"stress [kPa]\n{GOOD}", ["no column of stretch, strain"]),
         (f"stretch; stress [kPa]\n{GOOD}", ["'stretch; stress [kPa]'", "NAME [UNIT]"]),
@@ -146,8 +146,8 @@ def test_the_command_on_the_examples(tmp_path, capfd):
     out = tmp_path / "muscle"
     words = ["fit", *data, "--law", "ogden", "--nu", "0.49", "--out", str(out)]
     assert main(words) == 0
-    told = capfd.readouterr().out
-    assert "SYNTHETIC" in told and "mu1 = 1.9" in told and "stable (Drucker)" in told
+    output = capfd.readouterr().out
+    assert "SYNTHETIC" in output and "mu1 = 1.9" in output and "stable (Drucker)" in output
     names = {"material.toml", "fit.json", "curve.csv", "fit.png", "fit.pdf"}
     assert {path.name for path in out.iterdir()} == names
 
@@ -177,8 +177,8 @@ def test_the_command_on_the_examples(tmp_path, capfd):
 def test_ogden_on_fascia_is_reported_plainly(tmp_path, capfd):
     data = str(REPOSITORY / "examples" / "fascia_uniaxial_synthetic.csv")
     assert main(["fit", data, "--law", "ogden", "--terms", "2", "--out", str(tmp_path / "o")]) == 0
-    told = capfd.readouterr().out
-    assert "note: " in told and "Not determined" in told
+    output = capfd.readouterr().out
+    assert "note: " in output and "Not determined" in output
     assert json.loads((tmp_path / "o" / "fit.json").read_text())["diagnostics"]
     assert main(["fit", data, "--law", "yeoh", "--out", str(tmp_path / "y")]) == 0
     law = read_material(tmp_path / "y" / "material.toml")
@@ -190,5 +190,5 @@ def test_ogden_on_fascia_is_reported_plainly(tmp_path, capfd):
 
 def test_the_header_must_agree_with_the_option(tmp_path):
     path = written(tmp_path, f"stretch, cauchy_stress [kPa]\n{GOOD}")
-    with pytest.raises(InputError, match="the column's name says cauchy, --stress says engineer"):
+    with pytest.raises(InputError, match="the column's name says cauchy, but --stress says engineer"):
         read_test(path, None, "engineering")

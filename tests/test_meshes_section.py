@@ -151,7 +151,7 @@ def test_two_elements_across_every_fascia_band_at_paper_size(
     single = np.sum(layers.count[band] < 2)
     if name == "paper":
         assert single == 0
-    else:  # the measure can tell
+    else:  # the measure can show it
         assert single > 500
 
 
@@ -200,7 +200,7 @@ def test_the_quality_table_has_a_row_a_region(written: tuple[Path, pd.DataFrame]
 
 @pytest.mark.parametrize(
     ("file", "expected"),
-    [("hs.vtk", r"let the name end in \.msh"), ("nowhere/hs.msh", "no folder")],
+    [("hs.vtk", r"use a name that ends in \.msh"), ("nowhere/hs.msh", "no folder")],
 )
 def test_wrong_names_of_files_are_refused(tmp_path: Path, file: str, expected: str) -> None:
     with pytest.raises(InputError, match=expected):

@@ -227,7 +227,7 @@ def test_a_file_that_may_not_be_read_is_named(
         read_outline(tmp_path / "a.csv")
 
 
-def test_an_outline_is_meshed_with_a_wall_of_its_own(tmp_path: Path) -> None:
+def test_an_outline_is_meshed_with_its_wall(tmp_path: Path) -> None:
     """The wall of 3 mm has an area of 3 P + 9 pi."""
     np.savetxt(tmp_path / "a.csv", POINTS[::3], delimiter=",")
     (tmp_path / "own.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')

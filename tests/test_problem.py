@@ -29,7 +29,7 @@ def turned(x):
 
 
 def pulled(comm, loads=LoadSteps(first=0.5, largest=0.5)):  # noqa: B008
-    """Rings whose skin is turned and stretched, their core held; solved."""
+    """Rings whose skin is turned and stretched, their core fixed; solved."""
     laws = MaterialSet.paper("separate").tissue_laws()
     section = ring_mesh(comm, LAYERS, None, 2.0)
     constraints = [Constraint(CORE), Constraint(SKIN, values=turned)]

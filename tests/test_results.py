@@ -1,4 +1,4 @@
-"""Results as types: computed once, written, read back, told apart."""
+"""Results as types: computed once, written, read back, distinguished."""
 
 import json
 from pathlib import Path

@@ -100,7 +100,7 @@ def test_summary_and_sweep_tell_the_threshold(results):
 
 
 def test_run_json_alone_repeats_the_run(results, tmp_path, monkeypatch):
-    """The study and its files are gone: what they held is in run.json, to the last bit."""
+    """The study and its files are gone: what they contained is in run.json, to the last bit."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(results / "run.json", "run.json")
     given = results.parent / "given"

@@ -45,7 +45,7 @@ def test_the_container_runs_unprivileged():
     assert user not in ("root", "0")
 
 
-def own_results(folder: Path, cases) -> Path:
+def custom_results(folder: Path, cases) -> Path:
     """Write results of cases of one's own, with a title and a sweep."""
     threshold = Threshold("contact_pressure", "skin", 9.0)
     made = {
@@ -73,7 +73,7 @@ def solved(factor: float):
 @pytest.fixture(scope="module")
 def own(tmp_path_factory) -> Path:
     cases = {key: solved(1.0 + i) for i, key in enumerate(OWN)}
-    return write_small_report(own_results(tmp_path_factory.mktemp("own"), cases))
+    return write_small_report(custom_results(tmp_path_factory.mktemp("custom"), cases))
 
 
 def test_titles_are_escaped_in_the_page(own):

@@ -132,7 +132,7 @@ def fit_curve(
     names = ("mu", "alpha", "d1") if free_d else ("mu", "alpha")
     k = len(names)
     if len(reference) <= k:
-        raise InputError(f"points: {len(reference)}; give more than {k} for the fit")
+        raise InputError(f"points: are {len(reference)}; the fit needs more than {k}")
     largest = np.abs(reference).max()
     solved: dict[bytes, tuple[FloatArray, Any]] = {}
 

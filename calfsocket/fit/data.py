@@ -109,7 +109,8 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
         table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or leave the column out")
     if np.sum(stress * (stretch - 1)) <= 0:
         raise InputError(
-            f"{path}: the stress does no work; give tension above 0 and compression below 0"
+            f"{path}: stress and strain have opposite signs; "
+            "tension must be positive and compression negative"
         )
     return Test(
         path=Path(path),
@@ -139,7 +140,7 @@ class _Table:
             if line.strip() and not line.startswith("#")
         ]
         if len(numbered) < 2:
-            raise InputError(f"{path}: holds no data; give a header and rows of numbers")
+            raise InputError(f"{path}: contains no data; give a header and rows of numbers")
         self.units = self._header(numbered[0][1])
         self.lines = [number for number, _ in numbered[1:]]
         for number, cells in numbered[1:]:
@@ -154,9 +155,7 @@ class _Table:
         try:
             return next(csv.reader([line], skipinitialspace=True))
         except csv.Error as error:
-            raise InputError(
-                f"{self.path}, line {number}: cannot be split into cells ({error})"
-            ) from error
+            raise InputError(f"{self.path}, line {number}: is not a CSV row ({error})") from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""
@@ -172,7 +171,7 @@ class _Table:
                 hint = nearest(found[1], _COLUMNS)
                 raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
-                raise InputError(f"{self.path}: column {found[1]} is given twice; keep one")
+                raise InputError(f"{self.path}: column {found[1]} appears twice; keep one")
             columns[found[1]] = (found[2] or "").strip()
         for wanted in (("stretch", "strain"), tuple(_STRESSES)):
             number = sum(name in columns for name in wanted)
@@ -252,5 +251,7 @@ def _agree(
 ) -> Choice | None:
     """Return what the file says, else what the option says; they must not contradict each other."""
     if read and asked and read != asked:
-        raise InputError(f"{path}: {place} says {read}, {option} says {asked}; let them agree")
+        raise InputError(
+            f"{path}: {place} says {read}, but {option} says {asked}; make them the same"
+        )
     return read or asked

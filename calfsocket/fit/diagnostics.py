@@ -38,7 +38,7 @@ def _searches(fit: Fit) -> list[str]:
             for name, values in zip(fit.family.exponents, zip(*sets, strict=True), strict=True)
         ]
         found.append(
-            f"{len(fit.minima)} sets of parameters fit as well as the noise can tell "
+            f"{len(fit.minima)} sets of parameters fit equally well within the noise "
             f"({', '.join(ranges)}); the one of the smallest residual is given."
         )
     if fit.condition > CONDITION_LIMIT:
@@ -89,13 +89,13 @@ def _parameters(fit: Fit) -> list[str]:
     if fit.at_bound.any():
         found.append(
             f"At a bound, and so without an interval: {', '.join(names[fit.at_bound])}; "
-            "take fewer terms."
+            "use fewer terms."
         )
     with np.errstate(invalid="ignore"):
         loose = np.abs(fit.parameters) < fit.half_widths()
     if loose.any():
         found.append(
-            f"Not determined, since the {LEVEL:.0%} interval holds 0: {', '.join(names[loose])}."
+            f"Not determined, since the {LEVEL:.0%} interval contains 0: {', '.join(names[loose])}."
         )
     return found
 

@@ -108,7 +108,7 @@ def family(law: str, terms: int) -> Family:
     """
     most = 1 if law == "neo-hookean" else MAX_TERMS
     if not 1 <= terms <= most:
-        raise InputError(f"--terms {terms}: {law} has 1{f' to {most}' if most > 1 else ''}")
+        raise InputError(f"--terms: is {terms}; {law} has 1{f' to {most}' if most > 1 else ''}")
     numbers = range(1, terms + 1)
     count = f"{terms} term{'s' if terms > 1 else ''}"
     match law:
@@ -126,7 +126,7 @@ def family(law: str, terms: int) -> Family:
             )
         case "neo-hookean":
             return Family("neo-Hookean", ("mu",), (), ((),), _neo_hookean, Ogden)
-    raise InputError(f"--law {law}: use one of {', '.join(LAWS)}")
+    raise InputError(f"--law: unknown law '{law}'; use one of {', '.join(LAWS)}")
 
 
 def _yeoh(coefficients: Array, _: Array) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class Fit:
         The best one, with D1 by Poisson's ratio where it has one.
     minima : tuple of Minimum
         The best one first, then those that fit as well: the data's noise (F-test, chi-squared where
-        standard deviations are known) does not tell them from the best at `LEVEL`.
+        standard deviations are known) does not distinguish them from the best at `LEVEL`.
     covariance : (n, n)
         Of the parameters, MPa; not a number where one is at its bound.
     condition : float
@@ -149,7 +149,7 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
     if not converged:
         raise InputError(
             f"{problem.files}: none of {len(ends)} searches for {family.title} converged; "
-            "take fewer terms or another law"
+            "use fewer terms or another law"
         )
     minima = _distinct(problem, converged)
     best = minima[0]
@@ -157,8 +157,8 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
         law = family.law(best.parameters, nu)
     except InputError as error:
         raise InputError(
-            f"{problem.files}: the best {family.title} is no stable law ({error}); take other "
-            f"terms or another law{', or leave --free-signs out' if free_signs else ''}"
+            f"{problem.files}: the best fit of {family.title} is not stable ({error}); use other "
+            f"terms or another law{', or omit --free-signs' if free_signs else ''}"
         ) from None
     free = _free(problem, best.parameters)
     n_free = int(np.count_nonzero(free))
@@ -204,7 +204,7 @@ def _distinct(problem: Problem, ends: Sequence[Array]) -> list[Minimum]:
 
 
 def _free(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
-    """Tell which parameters are not at a bound; a term of zero has no exponent either."""
+    """Return which parameters are not at a bound; a term of zero has no exponent either."""
     coefficients, exponents = problem.family.split(parameters)
     there = np.ones(len(coefficients), dtype=bool) if problem.free_signs else coefficients > 0
     inside = np.abs(exponents) < ALPHA_MAX * (1 - SAME)
@@ -227,7 +227,7 @@ def _covariance(problem: Problem, best: Minimum, free: NDArray[np.bool_]) -> tup
 
 
 def _largest_as_good(problem: Problem, squares: float, n_free: int) -> float:
-    """Largest sum of squares that the noise does not tell from the smallest."""
+    """Largest sum of squares that the noise does not distinguish from the smallest."""
     if problem.known_sd:
         return squares + float(stats.chi2.ppf(LEVEL, n_free))
     rest = len(problem.measured) - n_free

@@ -52,12 +52,12 @@ class Dimension:
         Raises
         ------
         ValueError
-            When the text is no number with an allowed unit.
+            When the text is not a number with an allowed unit.
         """
         found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
         if not found:
             example = f'"12 {self.allowed[0]}"'
-            raise ValueError(f"{text!r} is no number with a unit; write e.g. {example}")
+            raise ValueError(f"{text!r} is not a number with a unit; write e.g. {example}")
         return float(Decimal(found[1]) * self.factor(found[2] or ""))
 
     def json_schema(self, example: str) -> dict[str, object]:

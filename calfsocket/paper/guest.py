@@ -123,7 +123,7 @@ def _scoreboard(board: pd.DataFrame) -> Content:
 
 
 def _lines(evidence: Evidence, board: pd.DataFrame) -> list[Line]:
-    """Say what the paper says of the same, and how far results agree with it."""
+    """Return what the paper says of the same, and how far results agree with it."""
     lines = []
     printed = pressure().set_index(["quantity", "socket"]).printed["contact_pressure_max"]
     if len(evidence.changes):

@@ -26,7 +26,7 @@ SETTINGS = {
     "growth": "growth of steps",
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
-    "extrapolate": "predictor",
+    "extrapolate": "extrapolation from the last two steps",
 }
 """Words for settings; one that is not here keeps its name."""
 
@@ -42,7 +42,7 @@ def tables(results: Results) -> list[Table]:
 
 
 def summary(results: Results) -> str:
-    """Say in one sentence what was solved."""
+    """Return in one sentence what was solved."""
     runs = "; ".join(
         f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
     )

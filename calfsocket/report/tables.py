@@ -62,8 +62,8 @@ def maxima(results: Results) -> Table:
     return Table(
         "maxima",
         "Largest stresses and strains of every case",
-        "Levels held by two neighbouring elements and five of their nodes; contact pressure as a "
-        "3 mm running mean along the skin, and its mean over the skin in contact.",
+        "Levels reached in two neighbouring elements and five of their nodes; contact pressure as "
+        "a 3 mm running mean along the skin, and its mean over the skin in contact.",
         data,
         spread(shown, ["tissue", "quantity"], ["socket", "material_set"], shown.value.map(number)),
     )
@@ -99,7 +99,7 @@ def damage(data: pd.DataFrame) -> Table:
     return Table(
         "damage",
         "Strains against damage thresholds",
-        "Magnitude held, %; in brackets the area of the section beyond the threshold, by Gauss "
+        "Magnitude, %; in brackets the area of the section beyond the threshold, by Gauss "
         "points, and its share of the tissue: for muscle the damage risk volume of a slice. AMP is "
         "the absolute maximum principal strain, which may be compressive; the fascia's threshold "
         "was measured in tension.",

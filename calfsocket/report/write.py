@@ -95,8 +95,8 @@ def _chapters(findings: Findings) -> list[Chapter]:
             "stress",
             "Stress",
             "Compression, distortion and shear of the tissues at rest in the socket, without body "
-            "weight. The largest value of a tissue is the largest level held by two neighbouring "
-            "elements and five of their nodes, so that no single point decides.",
+            "weight. The largest value of a tissue is the largest level reached in two "
+            "neighbouring elements and five of their nodes, so that no single point decides.",
             content(drawn["effective_stress"]),
         ),
         Chapter(

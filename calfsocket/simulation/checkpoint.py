@@ -1,8 +1,8 @@
-"""How far a case has come: its last equilibrium in a file, to go on from after a break.
+"""How far a case has come: its last equilibrium in a file, to continue from after an interruption.
 
 Unknowns are kept cell by cell and the slip history edge by edge, in the mesh generator's order: a
-case may go on with another number of ranks. What solves a case decides the last digits too, so a
-checkpoint is taken up only with the same inputs, mesh, options and versions.
+case may continue with another number of ranks. What solves a case decides the last digits too, so a
+checkpoint is used only with the same inputs, mesh, options and versions.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class CheckpointError(CalfsocketError):
-    """A checkpoint cannot be taken up."""
+    """A checkpoint cannot be used."""
 
 
 class Checkpoint:
@@ -98,8 +98,8 @@ class Checkpoint:
         if self._model.comm.rank == 0 and self.path.exists():
             try:
                 read = self._read()
-            except Exception as error:  # whatever is wrong with it, the case can start anew
-                refusal = f"{self.path}: cannot be taken up: {in_one_line(error)}"
+            except Exception as error:  # whatever is wrong with it, the case can start again
+                refusal = f"{self.path}: cannot be used: {in_one_line(error)}"
         refusal, read = self._model.comm.bcast((refusal, read), root=0)
         if refusal:
             raise CheckpointError(refusal)
@@ -121,7 +121,7 @@ class Checkpoint:
             arrays = dict(file)
         content = json.loads(str(arrays.pop("content")))
         if content["fingerprint"] != self._fingerprint:
-            raise CheckpointError("made with other inputs, options or versions")
+            raise CheckpointError("it was made with other inputs, options or versions")
         return content, arrays
 
     # -- unknowns, cell by cell -----------------------------------------------------------------

@@ -70,7 +70,7 @@ class Simulation:
     contact : Contact, optional
         Friction and Nitsche stiffness; by default those of the paper.
     support : {"floating", "outer-fixed"}
-        Whether the socket rests on the limb alone, or is held at its outer face.
+        Whether the socket rests on the limb alone, or is fixed at its outer face.
     steps : LoadSteps, optional
         Sizes of the load steps.
     comm : MPI.Intracomm, optional

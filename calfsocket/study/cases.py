@@ -228,20 +228,18 @@ class Planner:
                 case = self._case(each, own, point, labels, number)
                 if case.key in cases:
                     raise InputError(
-                        f"{self._path}: {each.place}: two cases would be called {case.name}; "
-                        "give each a label of its own"
+                        f"{self._path}: {each.place}: two cases have the name {case.name}; "
+                        "give each a label"
                     )
                 cases[case.key] = case
                 if len(cases) > MOST_CASES:
-                    raise InputError(
-                        f"{self._path}: more than {MOST_CASES} cases; make several studies"
-                    )
+                    raise InputError(f"{self._path}: more than {MOST_CASES} cases; split the study")
         self._check_folders(cases)
         for name in self.parameters:
             if not any(name in case.changes for case in cases.values()):
                 raise InputError(
-                    f"{self._path}: sweep: {name} reaches no case; add its socket or material set "
-                    "to the study, or leave it out"
+                    f"{self._path}: sweep: {name} affects no case; add its socket or material set "
+                    "to the study, or remove it"
                 )
         return tuple(cases.values())
 
@@ -254,7 +252,7 @@ class Planner:
         if document.cases and (study.sockets or study.materials):
             raise InputError(
                 f"{self._path}: cases: give either [[cases]], or study.sockets and "
-                "study.materials, whose combinations are the cases"
+                "study.materials, which give a case for each combination"
             )
         for number, table in enumerate(document.cases):
             own = sweep.flat(table.set)
@@ -263,7 +261,7 @@ class Planner:
             for key in ("sockets", "materials"):
                 if not getattr(study, key):
                     raise InputError(
-                        f"{self._path}: study.{key}: is empty, so there is no case; name at "
+                        f"{self._path}: study.{key}: is empty, so there are no cases; name at "
                         f"least one of {', '.join(self._known(key))}, or add [[cases]]"
                     )
             for socket in study.sockets:
@@ -396,8 +394,8 @@ class Planner:
             other = folders.setdefault(case.name.casefold(), case)
             if other is not case:
                 raise InputError(
-                    f"{self._path}: the cases {' with '.join(other.key)} and "
-                    f"{' with '.join(case.key)} would share the folder {case.name}; "
+                    f"{self._path}: the cases {'/'.join(other.key)} and "
+                    f"{'/'.join(case.key)} would share the folder {case.name}; "
                     "rename a socket or a material set"
                 )
 
