@@ -20,7 +20,7 @@ class Command(Protocol):
     Attributes
     ----------
     DESCRIPTION, EPILOG : str
-        What its help tells before and after the options.
+        Its help before and after the options.
     """
 
     DESCRIPTION: str

@@ -84,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-    """Fit, write the files, and tell the result."""
+    """Fit, write the files, and print the result."""
     on_first_rank(comm, lambda: _fit(arguments))
     return OK
 
@@ -103,7 +103,7 @@ def _fit(arguments: argparse.Namespace) -> None:
     law = arguments.law
     terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1
     if law == "yeoh" and arguments.nu is not None:
-        raise InputError("--nu: Yeoh's law is incompressible; leave it out")
+        raise InputError("--nu: Yeoh's law is incompressible; omit it")
     nu = 0.495 if arguments.nu is None else arguments.nu
     chosen = family(law, terms)
     tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]

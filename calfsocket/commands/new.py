@@ -45,12 +45,12 @@ def write(path: Path) -> None:
     from calfsocket.study.study import example
 
     if path.suffix != ".toml":
-        raise InputError(f"new: {path}; give a name that ends in .toml")
+        raise InputError(f"new: {path}: use a name that ends in .toml")
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(example())
     except FileExistsError:
-        raise InputError(f"new: {path} exists; name another file") from None
+        raise InputError(f"new: {path} already exists; choose another name") from None
     except OSError as error:
         raise InputError(f"new: {path}: {error.strerror}; name another file") from None
     print(path)

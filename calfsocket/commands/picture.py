@@ -28,7 +28,7 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
     folder = arguments.folder
     if not (folder / RESULT_FILE).is_file():
         raise InputError(
-            f"picture: {folder} holds no {RESULT_FILE}; "
+            f"picture: {folder} contains no {RESULT_FILE}; "
             "name the folder of a solved case, e.g. results/TC_separate"
         )
     on_first_rank(comm, lambda: print(Result.load(folder).draw(folder)))

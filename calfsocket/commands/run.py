@@ -59,7 +59,7 @@ def _read(arguments: argparse.Namespace) -> "Study":
 
 
 def set_options(petsc_options: "Mapping[str, str]") -> None:
-    """Give PETSc the options of an earlier run, except those on the command line."""
+    """Set the PETSc options of an earlier run, except those on the command line."""
     from petsc4py import PETSc
 
     known = PETSc.Options()

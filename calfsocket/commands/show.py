@@ -38,7 +38,7 @@ def _draw(file: Path, out: Path | None) -> None:
 
     path = out or Path(file.with_suffix(".png").name)
     if path.suffix != ".png":
-        raise InputError(f"--out {path}: is not a PNG; give a name that ends in .png")
+        raise InputError(f"--out {path}: pictures are PNG files; use a name that ends in .png")
     plan = Study.read(file).plan
     try:
         draw(plan, path)
