@@ -180,7 +180,7 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
     loops = _loops(path, left)
     if len(loops) != 1:
         raise InputError(
-            f"{path}: contains {len(loops)} outlines, {', '.join(loop[0].place for loop in loops)};"
+            f"{path}: contains {len(loops)} outlines ({', '.join(loop[0].place for loop in loops)});"
             " keep the inner face only"
         )
     (loop,) = loops
@@ -205,7 +205,7 @@ def _loops(path: Path, pieces: Sequence[Piece]) -> list[list[Piece]]:
     if here.max() > 2:
         first, other, *_ = tree.query_ball_point(ends[np.argmax(here)], JOINT, return_sorted=True)
         raise InputError(
-            f"{path}, {pieces[first // 2].place}: it meets {pieces[other // 2].place} and others at"
+            f"{path}, {pieces[first // 2].place}: meets {pieces[other // 2].place} and others at"
             f" {xy(ends[first])}; remove the branches"
         )
     loose = np.flatnonzero(here == 1)

@@ -71,8 +71,9 @@ def _check_header(path: Path, number: int, cells: list[str]) -> None:
 
 def _point(path: Path, number: int, cells: list[str], separator: str) -> list[float]:
     if len(cells) != 2:
+        noun = "cell" if len(cells) == 1 else "cells"
         raise InputError(
-            f"{path}, line {number}: has {len(cells)} cells; it must have two, x and y in mm"
+            f"{path}, line {number}: has {len(cells)} {noun}; it must have two, x and y in mm"
         )
     point = []
     for cell in cells:

@@ -374,9 +374,10 @@ def resolved(
     """
     ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
+        *some, last = map(repr, reference)
         raise InputError(
-            "is not a socket; add one of law = 'normal_offset' or 'circle_blend', "
-            f"outline = 'FILE', like = {' or '.join(map(repr, reference))}"
+            "is not a socket; give exactly one of law = 'normal_offset' or 'circle_blend', "
+            f"outline = 'FILE', like = {', '.join(some)} or {last}"
         )
     if ways == ["law"]:
         return table

@@ -17,7 +17,7 @@ from calfsocket.study.study import Study
 from reliability import Trial
 
 TITLE = "Study files"
-INTRO = "`check`, `run` and `show` say the same of a study file that cannot be used."
+INTRO = "`check`, `run` and `show` give the same message for a study file that cannot be used."
 
 GOOD = """
 [study]
@@ -158,7 +158,7 @@ TRIALS = (
     Trial("a folder", a_folder, ("is not a regular file",)),
     Trial("a pipe that nobody writes to", a_pipe, ("study.toml", "is not a regular file")),
     Trial("a device without an end", a_device, ("/dev/zero", "is not a regular file")),
-    Trial("a file of 1 GB", a_huge_file, ("is 1e+03 MB; files up to",)),
+    Trial("a file of 1 GB", a_huge_file, ("is 1000 MB; files up to",)),
     Trial("an empty file", "", ("is empty", "`new`")),
     Trial("a binary file", bytes(range(256)), ("UTF-8",)),
     Trial("text that is not TOML", "sockets: [TC]", ("study.toml: Expected", "line 1")),
@@ -222,12 +222,12 @@ TRIALS = (
     Trial("a name of 41 letters", edited("[sockets.mine]", f"[sockets.{'a' * 41}]"),
           ("up to 40",)),
     Trial(
-        "a socket called as a reference socket",
+        "a socket named like a reference socket",
         edited("[sockets.mine]", "[sockets.HS]"),
         ("sockets: 'HS' is a reference socket", "like = 'HS'"),
     ),
     Trial(
-        "a set called as one of the paper",
+        "a set named like one of the paper",
         edited("[materials.soft]", "[materials.combined]"),
         ("materials: 'combined' is a set of the paper",),
     ),
@@ -292,7 +292,7 @@ TRIALS = (
           ("materials.soft.fat: give either d1 or nu",)),
     Trial("more mu than alpha",
           fat('{ law = "ogden", mu = ["1 kPa", "2 kPa"], alpha = [2], nu = 0.4 }'),
-          ("materials.soft.fat", "mu has 2 values, alpha 1")),
+          ("materials.soft.fat", "mu has length 2, alpha 1")),
     Trial("a negative modulus", fat('{ law = "hencky", e = "-1 kPa", nu = 0.3 }'),
           ("materials.soft.fat.e: is '-1 kPa'", "greater than 0")),
     Trial("Poisson's ratio 0.51", fat('{ law = "hencky", e = "1 kPa", nu = 0.51 }'),

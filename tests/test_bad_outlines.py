@@ -84,7 +84,7 @@ TRIALS = (
     Trial("a pipe that nobody writes to", ("pipe.csv", os.mkfifo), ("is not a regular file",)),
     Trial("a file of 11 MB", ("large.csv", sparse), ("is 11 MB; files up to 10 MB",)),
     Trial("a spreadsheet", ("a.xlsx", "x"), (".xlsx is not an outline format", ".csv, .dxf, .svg")),
-    Trial("no extension", ("outline", "x"), ("no extension is not an outline format",)),
+    Trial("no extension", ("outline", "x"), ("outline: has no extension; export it as",)),
     Trial("an empty CSV", ("a.csv", ""), ("is empty; give a row `x, y`",)),
     Trial("a CSV of comments", ("a.csv", "# x, y\n\n"), ("is empty",)),
     Trial("a picture called CSV", ("a.csv", b"\x89PNG\r\n\x1a\n\0\0"), ("is not UTF-8 text",)),
@@ -97,7 +97,7 @@ TRIALS = (
         ("a.csv", row(5, "1, 2, 3")),
         ("line 5: has 3 cells; it must have two, x and y in mm",),
     ),
-    Trial("one column", ("a.csv", row(5, "1")), ("line 5: has 1 cells; it must have two",)),
+    Trial("one column", ("a.csv", row(5, "1")), ("line 5: has 1 cell; it must have two",)),
     Trial(
         "a letter for a digit", ("a.csv", row(7, "5O.1, 2")), ("line 7: '5O.1' is not a length",)
     ),
@@ -169,7 +169,7 @@ TRIALS = (
     Trial(
         "two circles",
         ("a.dxf", dxf(lambda s: (s.add_circle((0, 0), 50), s.add_circle((0, 0), 55)))),
-        ("contains 2 outlines, CIRCLE", "keep the inner face only"),
+        ("contains 2 outlines (CIRCLE", "keep the inner face only"),
     ),
     Trial(
         "a line too many",
@@ -220,7 +220,7 @@ TRIALS = (
     Trial(
         "two shapes",
         ("a.svg", svg(CIRCLE_SVG + '<circle r="50"/>')),
-        ("contains 2 outlines, circle face, circle number 2",),
+        ("contains 2 outlines (circle face, circle number 2",),
     ),
     Trial(
         "a path that breaks off",

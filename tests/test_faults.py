@@ -101,21 +101,21 @@ TRIALS = (
     ),
     passes(
         "no space for a step while solving",
-        "said once, and the steps are written at the end",
+        "reported once, and the steps are written at the end",
         "calfsocket.study.runner:_CaseRunner._merge",
         error="OSError",
         words=FULL,
     ),
     passes(
         "no space for a checkpoint",
-        "said once; the case could not be resumed from there",
+        "reported once; the case could not be resumed from there",
         "numpy:savez",
         error="OSError",
         words=FULL,
     ),
     passes(
         "no space for run.json when a case ends",
-        "said, and written when there is space",
+        "reported, and written when there is space",
         "calfsocket.study.record:cases_table",
         call=2,
         error="OSError",
@@ -123,7 +123,7 @@ TRIALS = (
     ),
     passes(
         "an exception while the picture is drawn",
-        "said; `calfsocket picture` can draw it later",
+        "reported; `calfsocket picture` can draw it later",
         "calfsocket.plotting.case:save",
     ),
 )  # fmt: skip
@@ -252,7 +252,10 @@ def test_results_that_are_not_whole_are_made_anew(file, damage, unbroken, tmp_pa
         assert "steps.csv" in entries(out)["A_combined"]["message"]
         return
     assert study.run(resume=True)
-    assert f"A_combined: solved again, because files are missing or have changed: {file}" in caplog.text
+    assert (
+        f"A_combined: solved again, because files are missing or have changed: {file}"
+        in caplog.text
+    )
     assert same_results(out, unbroken)
 
 

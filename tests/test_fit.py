@@ -157,10 +157,10 @@ def test_ogden_on_fascia_says_what_the_data_do_not_determine():
     data = made_test(tissues.FASCIA, noise=0.02, rng=np.random.default_rng(1))
     yeoh = notes_of(fit(family("yeoh", 2), [data]))
     assert yeoh == []
-    # One term: an exponent of either sign. Two terms: they cannot be told apart.
+    # One term: an exponent of either sign. Two terms: they cannot be distinguished.
     one = fit(family("ogden", 1), [data])
     assert sorted(np.sign(minimum.parameters[1]) for minimum in one.minima) == [-1, 1]
-    assert any("2 sets of parameters fit as well" in note for note in notes_of(one))
+    assert any("2 sets of parameters fit equally well" in note for note in notes_of(one))
     two = fit(replace(family("ogden", 2), starts=((-18.0, 18.0), (2.0, 6.0))), [data])
     assert any("Not determined" in note for note in notes_of(two))
 
@@ -279,5 +279,5 @@ def test_bad_families(name, terms, says):
 
 def test_too_few_stretches():
     data = made_test(tissues.FASCIA, points=4)  # one of them is 1
-    with pytest.raises(InputError, match=r"3 stretches other than 1; .* at least 4"):
+    with pytest.raises(InputError, match=r"3 stretches other than 1, but .* at least 4"):
         fit(family("yeoh", 3), [data])

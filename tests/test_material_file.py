@@ -69,7 +69,7 @@ def test_a_file_by_hand(tmp_path):
         ('law = "yeoh"\nc10 = "nan kPa"', ["c10", "'nan kPa'"]),
         ('law = "yeoh"\nc10 = "-1 kPa"', ["c10: is '-1 kPa'", "greater than 0"]),
         ('law = "yeoh"\nc10 = "1 kPa"\nc_20 = "1 kPa"', ["c_20", "did you mean 'c20'"]),
-        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2, 3]\nnu = 0.4', ["mu has 1 values, alpha 2"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2, 3]\nnu = 0.4', ["mu has length 1, alpha 2"]),
         ('law = "ogden"\nmu = ["1 kPa", "1"]\nalpha = [2]\nnu = 0.4', ["mu.1", "unit ''"]),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]', ["either d1 or nu"]),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.4\nd1 = "1 1/MPa"', ["either d1"]),

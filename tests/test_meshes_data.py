@@ -97,11 +97,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "repeated point": (
         lambda c: c["curves"]["tibia"]["points"].append([-6.89, 21.23]),
-        "curves.tibia.points: point [-6.89, 21.23] follows itself",
+        "curves.tibia.points: point [-6.89, 21.23] is repeated",
     ),
     "nearly repeated point": (
         lambda c: c["curves"]["tibia"]["points"].append([-6.8905, 21.23]),
-        "curves.tibia.points: point [-6.8905, 21.23] follows itself",
+        "curves.tibia.points: point [-6.8905, 21.23] is repeated",
     ),
     "unknown curve type": (
         lambda c: c["curves"]["fibular_vein"].update(type="circle"),
@@ -117,7 +117,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "offset of an offset": (
         lambda c: c["curves"]["fascia_outer"].update(of="skin_inner"),
-        "curves.fascia_outer.of: 'skin_inner' is an offset itself",
+        "curves.fascia_outer.of: 'skin_inner' is itself an offset",
     ),
     "fat angles": (
         lambda c: c["layers"]["fat_thickness"].append([10.0, 4.0]),

@@ -106,7 +106,7 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
     stress = table.in_mpa(named) * area
     sd = table.in_mpa("stress_sd") * area if "stress_sd" in table.units else None
     if sd is not None:
-        table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or leave the column out")
+        table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or remove the column")
     if np.sum(stress * (stretch - 1)) <= 0:
         raise InputError(
             f"{path}: stress and strain have opposite signs; "
@@ -241,7 +241,7 @@ class _Table:
         self.refuse([mode not in MODES for mode in found], f"mode is unknown; use one of {allowed}")
         self.refuse(
             [mode != found[0] for mode in found],
-            f"mode changes from {found[0]}; give each test a file of its own, and all files to fit",
+            f"mode changes from {found[0]}; put each test in a separate file, and give all files to `fit`",
         )
         return next(mode for mode in MODES if mode == found[0])
 

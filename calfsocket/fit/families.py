@@ -108,7 +108,9 @@ def family(law: str, terms: int) -> Family:
     """
     most = 1 if law == "neo-hookean" else MAX_TERMS
     if not 1 <= terms <= most:
-        raise InputError(f"--terms: is {terms}; {law} has 1{f' to {most}' if most > 1 else ''}")
+        raise InputError(
+            f"--terms: is {terms}; for {law} it must be 1{f' to {most}' if most > 1 else ''}"
+        )
     numbers = range(1, terms + 1)
     count = f"{terms} term{'s' if terms > 1 else ''}"
     match law:

@@ -105,7 +105,7 @@ def check_readable(path: Path, most: int = MAX_BYTES) -> None:
         raise InputError(f"{path}: is not a regular file; name a file")
     if status.st_size > most:
         raise InputError(
-            f"{path}: is {status.st_size / 1e6:.3g} MB; files up to {most / 1e6:g} MB are accepted"
+            f"{path}: is {status.st_size / 1e6:.4g} MB; files up to {most / 1e6:g} MB are accepted"
         )
 
 

@@ -43,7 +43,7 @@ class Dimension:
             When the unit is not allowed; the message names those that are.
         """
         if unit not in self.allowed:
-            raise ValueError(f"unit {unit!r} is unknown; use one of {', '.join(self.allowed)}")
+            raise ValueError(f"unit {unit!r} is unknown; use {', '.join(self.allowed)}")
         return _registry().Quantity(Decimal(1), unit).to(self.internal).magnitude
 
     def parse(self, text: object) -> float:

@@ -80,7 +80,7 @@ class Ogden(Law):
     def _check(self) -> "Ogden":
         if not self.mu or len(self.mu) != len(self.alpha):
             raise ValueError(
-                f"mu has {len(self.mu)} values, alpha {len(self.alpha)}; "
+                f"mu has length {len(self.mu)}, alpha {len(self.alpha)}; "
                 "give one mu and one alpha for each term, and at least one term"
             )
         if 0 in self.alpha:

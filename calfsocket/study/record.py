@@ -185,7 +185,9 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         if not path.exists():
             return
     except OSError as error:
-        raise InputError(f"--out {out}: {error}; name a folder that can be written to") from None
+        raise InputError(
+            f"--out {out}: {error.strerror}; name a folder that can be written to"
+        ) from None
     try:
         before = read_run(path)
     except InputError as error:

@@ -145,8 +145,8 @@ class Study:
         missing = set(self.chosen) - {case.name for case in cases}
         if missing:
             raise InputError(
-                f"{self.path}: cases: {', '.join(sorted(missing))} do not belong to this "
-                "study; the file was edited"
+                f"{self.path}: cases: not in this study: {', '.join(sorted(missing))}; "
+                "the file was edited"
             )
         source = StudySource(
             file=self.path.name,
