@@ -179,9 +179,9 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
     left = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     loops = _loops(path, left)
     if len(loops) != 1:
+        found = ", ".join(loop[0].place for loop in loops)
         raise InputError(
-            f"{path}: contains {len(loops)} outlines ({', '.join(loop[0].place for loop in loops)});"
-            " keep the inner face only"
+            f"{path}: contains {len(loops)} outlines ({found}); keep the inner face only"
         )
     (loop,) = loops
     if any(piece.curved for piece in loop):

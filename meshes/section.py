@@ -43,7 +43,7 @@ def build(limb: Limb, socket: Socket, size: MeshSize) -> TriangleMesh:
 
 
 def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
-    """Settle a size that is a number of triangles, by trial meshes."""
+    """Replace a size that is a number of triangles by one in mm, by trial meshes."""
 
     def count(trial: MeshSize) -> int:
         with gmsh_model.session("trial"):
@@ -96,8 +96,8 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
             surfaces,
             boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
             lambda: [
-                _add_size(Path(folder) / f"{number}.bin", field, own)
-                for number, (field, own) in enumerate(
+                _add_size(Path(folder) / f"{number}.bin", field, covered)
+                for number, (field, covered) in enumerate(
                     (
                         (sizing.limb_field(loops, limb.contact_boundary, size), limb_surfaces),
                         (sizing.socket_field(inner, outer, size), [surfaces[tags.SOCKET]]),

@@ -428,7 +428,12 @@ class _Table:
             (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
         )
         shared = {"type": "object", "additionalProperties": False}
-        return {"anyOf": [{**shared, "properties": own, "required": keys} for own, keys in tables]}
+        return {
+            "anyOf": [
+                {**shared, "properties": properties, "required": keys}
+                for properties, keys in tables
+            ]
+        }
 
 
 SocketTable = Annotated[AnySocket, _Table()]

@@ -362,7 +362,8 @@ TRIALS = (
           ("/proc/calfsocket",)),
     Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,
           ("--out", "results")),
-    Trial("an example over a study", a_new_file_over_an_old_one, ("already exists; choose another name",)),
+    Trial("an example over a study", a_new_file_over_an_old_one,
+          ("already exists; choose another name",)),
     Trial("an example that is not a TOML file", a_new_file_with_another_extension, (".toml",)),
     Trial("a picture that is not a PNG", a_picture_with_another_extension, ("study.pdf", ".png")),
 )  # fmt: skip

@@ -24,7 +24,7 @@ def test_a_process_is_timed_and_its_first_iteration_is_the_studys():
     assert memory > 1
 
 
-def test_a_process_that_fails_is_told_with_its_words():
+def test_a_process_that_fails_is_reported_with_its_output():
     with pytest.raises(RuntimeError, match="exit code 3\nwhy"):
         measure.process([sys.executable, "-c", "import sys; sys.stderr.write('why'); sys.exit(3)"])
 

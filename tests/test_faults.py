@@ -25,8 +25,8 @@ from tiny_study import Fault, tiny_study
 TITLE = "Faults while running"
 INTRO = """\
 A fault strikes the first case of a study. The others are solved; run.json and cases.csv say what
-failed and why; exit code 1. With the fault gone, `--resume` keeps what is solved, continues from the
-last equilibrium, and ends with the same bytes as an unbroken run."""
+failed and why; exit code 1. With the fault gone, `--resume` keeps what is solved, continues from
+the last equilibrium, and ends with the same bytes as an unbroken run."""
 
 PROGRAM = Path(__file__).with_name("tiny_study.py")
 FULL = (28, "No space left on device")

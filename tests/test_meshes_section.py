@@ -116,9 +116,9 @@ def test_all_mid_side_nodes_between_regions_lie_on_the_curves(
     for name, curve in LOOPS.items():
         if name not in inside or name == LIMB.contact_boundary:
             continue
-        own = mesh.cell_tags == inside[name].id
+        in_vessel = mesh.cell_tags == inside[name].id
         (around,) = (region.id for region in LIMB.regions if name in region.holes)
-        shared = np.intersect1d(mesh.cells[own], mesh.cells[mesh.cell_tags == around])
+        shared = np.intersect1d(mesh.cells[in_vessel], mesh.cells[mesh.cell_tags == around])
         middles = np.intersect1d(shared, mesh.cells[:, 3:])
         assert len(middles) == len(shared) / 2 > 4
         assert distance_to(curve, mesh.points[shared]).max() < 1e-6

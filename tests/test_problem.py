@@ -74,7 +74,7 @@ def test_ranks_agree(ranks, one, mpirun):
         assert several[key] == pytest.approx(one[key], rel=1e-9), key
 
 
-def test_a_body_force_is_held_by_its_foundation():
+def test_a_body_force_is_carried_by_its_foundation():
     """Nothing else holds the ring: b = k u, the same everywhere, without stress."""
     section = ring_mesh(MPI.COMM_SELF, [("ring", 10.0, 20.0)], None, 4.0)
     force, stiffness = 2e-3, 1e-2

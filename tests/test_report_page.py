@@ -197,7 +197,7 @@ def test_one_run_and_a_failure_still_get_a_page(one_run):
     assert "negative modes in HS_separate (2)" in seen.found["answer"][-1]
 
 
-def test_the_method_tells_settings_in_words(six_results):
+def test_the_method_has_settings_in_words(six_results):
     settings = method.tables(six_results)[1]
     assert settings.shown["value"]["friction coefficient"] == "0.4"
     assert settings.shown["value"]["extrapolation from the last two steps"] == "no"

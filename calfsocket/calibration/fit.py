@@ -84,7 +84,7 @@ class Fit:
 
     @property
     def alpha_at_limit(self) -> bool:
-        """Whether alpha ended at an end of its range, so that the curve asks for more."""
+        """Whether alpha is at a limit of its range, so that the curve asks for more."""
         alpha = self.law.alpha[0]
         return bool(np.isclose([SMALLEST_ALPHA, LARGEST_ALPHA], alpha, rtol=1e-2).any())
 

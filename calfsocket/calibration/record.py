@@ -43,7 +43,7 @@ class FittedLaw(CombinedLaw):
     start : Start
         Where the search began.
     alpha_at_limit : bool
-        Whether alpha ended at an end of its range.
+        Whether alpha is at a limit of its range.
     rms_share_of_largest_force : float
         Root mean square difference to Separate's curve.
     parameters : tuple of str

@@ -241,7 +241,8 @@ class _Table:
         self.refuse([mode not in MODES for mode in found], f"mode is unknown; use one of {allowed}")
         self.refuse(
             [mode != found[0] for mode in found],
-            f"mode changes from {found[0]}; put each test in a separate file, and give all files to `fit`",
+            f"mode changes from {found[0]}; put each test in a separate file, "
+            "and give all files to `fit`",
         )
         return next(mode for mode in MODES if mode == found[0])
 

@@ -9,7 +9,7 @@ from calfsocket.fit.regression import LEVEL, Fit
 from calfsocket.fit.stability import StableRange
 
 CONDITION_LIMIT = 1e6
-"""Condition number above which terms do each other's work: variances go with its square, so that
+"""Condition number above which terms are nearly redundant: variances go with its square, so that
 twelve of their sixteen digits are lost."""
 
 
@@ -43,7 +43,7 @@ def _searches(fit: Fit) -> list[str]:
         )
     if fit.condition > CONDITION_LIMIT:
         found.append(
-            f"Terms do each other's work (condition number {fit.condition:.0e}); take fewer."
+            f"Terms are nearly redundant (condition number {fit.condition:.0e}); use fewer."
         )
     return found
 
@@ -71,8 +71,8 @@ def _patterns(fit: Fit) -> list[str]:
         ratio = np.sum(np.diff(residual) ** 2) / np.sum(residual**2)
         if (2 - ratio) * np.sqrt(len(residual)) / 2 > stats.norm.ppf(LEVEL):
             found.append(
-                f"The residuals of {test.path.name} follow a pattern: the law has another shape "
-                "than the data, and intervals are too narrow."
+                f"The residuals of {test.path.name} follow a pattern: the law cannot follow the "
+                "data, and intervals are too narrow."
             )
     return found
 

@@ -60,7 +60,7 @@ class Family:
         return self.coefficients + self.exponents
 
     def split(self, parameters: Array) -> tuple[Array, Array]:
-        """Part parameters into coefficients and exponents."""
+        """Split parameters into coefficients and exponents."""
         n = len(self.coefficients)
         return parameters[:n], parameters[n:]
 

@@ -70,7 +70,7 @@ def remove_unfinished(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock; other processes that ask for it wait."""
+    """Lock the folder; other processes that ask for it wait."""
     folder.mkdir(parents=True, exist_ok=True)
     # The lock file stays: removing it would let two processes lock two different files.
     with (folder / ".lock").open("a") as file:

@@ -178,7 +178,7 @@ def _notes(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> list[st
     notes = []
     if calibration.fit.alpha_at_limit:
         notes.append(
-            f"alpha ended at an end of its range ({number(calibration.fit.alpha)}): the curve "
+            f"alpha is at a limit of its range ({number(calibration.fit.alpha)}): the curve "
             "does not determine it."
         )
     if calibration.unstable:

@@ -30,8 +30,8 @@ def laws(results: Results) -> Laws:
         name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
         for name, laws in results.run.laws.items()
     }
-    own = {key[1]: record.material_set for key, record in results.records.items()}
-    return known | {name: known[real] for name, real in own.items() if real in known}
+    names = {key[1]: record.material_set for key, record in results.records.items()}
+    return known | {name: known[real] for name, real in names.items() if real in known}
 
 
 def title(results: Results) -> str:

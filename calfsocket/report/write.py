@@ -121,7 +121,7 @@ def _chapters(findings: Findings) -> list[Chapter]:
     ]
 
 
-def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
+def _joined(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
     """Add guests' chapters to those of the same anchor, or behind the one that they follow."""
     replaced = {name for guest in guests for name in guest.replaces}
     chapters = [
@@ -131,7 +131,7 @@ def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
                 each for each in chapter.content if getattr(each, "name", None) not in replaced
             ),
         )
-        for chapter in own
+        for chapter in chapters
     ]
     for chapter in (chapter for guest in guests for chapter in guest.chapters):
         anchors = [each.anchor for each in chapters]

@@ -71,7 +71,7 @@ class Checks(Strict):
         if self.largest_gap_in_contact_mm > GAP_TOLERANCE:
             found.append(f"gap of {self.largest_gap_in_contact_mm:.2g} mm in contact")
         if self.relative_force_imbalance > FORCE_TOLERANCE:
-            found.append("contact pressure not in equilibrium with the tibia's reaction")
+            found.append("contact force and reaction at the tibia do not balance")
         return tuple(found)
 
 
@@ -104,7 +104,7 @@ class CaseRecord(Strict):
     files : mapping of str to str
         SHA-256 of its files and table rows; None where one is missing.
     traceback : tuple of str
-        Of an error that nobody foresaw.
+        Of an error that the package did not raise itself.
     """
 
     socket: str

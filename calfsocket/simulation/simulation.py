@@ -211,7 +211,7 @@ class Simulation:
     def _keep_checkpoints(
         self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool
     ) -> Milestone | None:
-        """Have each equilibrium written to a file; return the one to start from."""
+        """Write each equilibrium to a file from now on; return the one to start from."""
         if path is None:
             return None
         conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}

@@ -148,7 +148,7 @@ class ThresholdTable(Strict):
 
 
 class CaseTable(Strict):
-    """A socket with a material set, and parameters of its own.
+    """A socket with a material set, and custom parameters.
 
     Attributes
     ----------

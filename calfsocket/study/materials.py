@@ -13,7 +13,7 @@ _NAMES = ", ".join(IN_FILES)
 
 
 class LawFile(Strict):
-    """A law in a file of its own, as `fit` and `calibrate` write it."""
+    """A law in a separate file, as `fit` and `calibrate` write it."""
 
     file: File
 

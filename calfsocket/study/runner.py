@@ -230,8 +230,9 @@ class _CaseRunner(Monitor):
     def step(self, step: LoadStep) -> None:
         """Show a load step, and write it."""
         newton = step.newton
-        how = "Newton" if newton.converged else f"failed ({newton.reason}) after"
-        self._report(f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm", step.load)
+        how = "" if newton.converged else f"failed ({newton.reason}) after "
+        text = f"{how}{newton.iterations} iterations, residual {newton.residual:.1e} N/mm"
+        self._report(text, step.load)
         self._steps.append(step)
         if self._is_root:
             try:

@@ -119,11 +119,11 @@ def parameters(points: Sequence[Point]) -> tuple[str, ...]:
 
 def reaching(changes: Changes, socket: str, materials: str) -> dict[str, Any]:
     """Return the changes without those of other sockets or material sets than a case has."""
-    own = {"sockets": socket, "materials": materials}
+    of_case = {"sockets": socket, "materials": materials}
     found = {}
     for name, value in changes.items():
         top, *rest = name.split(".")
-        if top not in own or not rest or rest[0] == own[top]:
+        if top not in of_case or not rest or rest[0] == of_case[top]:
             found[name] = value
     return found
 
