@@ -8,7 +8,7 @@ psi the law's isochoric energy and p > 0 in tension: stationarity in p gives J -
 U(J) = K/2 (J - 1)^2, which is Abaqus's (J - 1)^2 / D1 with K = 2/D1. Where a tissue is
 incompressible 1/K = 0 and the last term is absent. For "linear elastic" tissues Abaqus has
 p = K ln J instead: in vessels (K = 167 kPa) at 15 kPa J is 0.910 here and 0.914 there; bone and
-PETG do not tell the difference.
+PETG do not show the difference.
 
 The unknown is p_dof, with p = pressure_scale * p_dof and the tissue's shear modulus as the scale,
 so that soft and stiff tissues have unknowns of like size.

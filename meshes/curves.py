@@ -27,7 +27,7 @@ SAME_POINT = 1e-3
 def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
     for point, following in pairwise((*value, value[0])):
         if math.dist(point, following) <= SAME_POINT:
-            raise ValueError(f"point {list(point)} follows itself; do not repeat points")
+            raise ValueError(f"point {list(point)} is repeated; list each point once")
     return value
 
 
@@ -178,10 +178,7 @@ def interpolated(exact: Callable[[Array], Array], knots: ArrayLike) -> ClosedCur
         if not poor.any():
             return curve
         knots = np.sort(np.concatenate([knots, between[1, poor]]))
-    raise InputError(
-        "a curve turns too sharply for cubic pieces; smooth its points, what it is offset by, or"
-        " its bumps"
-    )
+    raise InputError("a curve turns too sharply; smooth its points, its offset, or its bumps")
 
 
 def ellipse(center: ArrayLike, semi_axes: ArrayLike, angle: float) -> ClosedCurve:

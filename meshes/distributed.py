@@ -37,7 +37,7 @@ class SectionMesh:
     back to the numbering of gmsh, which depends on the input alone:
     ``mesh.topology.original_cell_index[c]`` is the row of local cell c (ghosts included) in
     ``TriangleMesh.cells``, and ``mesh.geometry.input_global_indices[n]`` the row of local node n
-    in ``TriangleMesh.points``. Results gathered in the order of these are the same on any number
+    in ``TriangleMesh.points``. Results collected in the order of these are the same on any number
     of ranks.
     """
 

@@ -101,12 +101,12 @@ class Drawn:
         if number < 4:
             raise InputError(
                 f"{self.path}: has {number} {'point' if number == 1 else 'points'}; a closed curve"
-                " needs 4 or more, a socket some dozens"
+                " needs at least 4, a socket a few dozen"
             )
         if number > MAX_POINTS:
             raise InputError(
-                f"{self.path}: has {number} points; at most {MAX_POINTS} are read:"
-                " give one outline, a point every millimetre or so"
+                f"{self.path}: has {number} points, more than {MAX_POINTS}; give one outline"
+                " with a point about every millimetre"
             )
 
     def _check_repeats(self) -> None:
@@ -125,7 +125,7 @@ class Drawn:
             nearest = int(np.argmin(np.linalg.norm(self.points - crossing, axis=1)))
             raise InputError(
                 f"{self.path}, {self.places[nearest]}: the outline crosses or touches itself near"
-                f" {xy(crossing)}; give its points in order, once round"
+                f" {xy(crossing)}; list its points in order, once around"
             )
 
     def _check_turns(self) -> None:
@@ -137,8 +137,8 @@ class Drawn:
         if turn[sharpest] > MAX_TURN + 1e-6:  # twelve points on a circle turn by 30 degrees
             raise InputError(
                 f"{self.path}, {self.places[sharpest]}: the outline turns by"
-                f" {turn[sharpest]:.0f} degrees at {xy(self.points[sharpest])}; up to"
-                f" {MAX_TURN:g} can be followed smoothly: round the corner off, or give more points"
+                f" {turn[sharpest]:.0f} degrees at {xy(self.points[sharpest])}; at most"
+                f" {MAX_TURN:g} are possible: round the corner off, or add points"
             )
 
 
@@ -179,9 +179,9 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
     left = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     loops = _loops(path, left)
     if len(loops) != 1:
+        found = ", ".join(loop[0].place for loop in loops)
         raise InputError(
-            f"{path}: holds {len(loops)} outlines, {', '.join(loop[0].place for loop in loops)};"
-            " keep one, the inner face"
+            f"{path}: contains {len(loops)} outlines ({found}); keep the inner face only"
         )
     (loop,) = loops
     if any(piece.curved for piece in loop):
@@ -206,7 +206,7 @@ def _loops(path: Path, pieces: Sequence[Piece]) -> list[list[Piece]]:
         first, other, *_ = tree.query_ball_point(ends[np.argmax(here)], JOINT, return_sorted=True)
         raise InputError(
             f"{path}, {pieces[first // 2].place}: meets {pieces[other // 2].place} and others at"
-            f" {xy(ends[first])}; keep one outline without branches"
+            f" {xy(ends[first])}; remove the branches"
         )
     loose = np.flatnonzero(here == 1)
     if loose.size:

@@ -83,24 +83,25 @@ def _placement(socket: Socket, limb: Limb) -> Placement:
     if not shapely.Polygon(face).intersects(shapely.Polygon(points)):
         distance = shapely.LinearRing(face).distance(shapely.LinearRing(points))
         raise InputError(
-            f"lies beside the limb, {distance:.1f} mm away at"
-            f" {at(face.mean(axis=0))}; its frame is the limb's, with the origin in the limb"
+            f"lies beside the limb, {distance:.1f} mm away, centred at"
+            f" {at(face.mean(axis=0))}; use the limb's frame, whose origin is inside the limb"
         )
     overlap = _distance(points, face)
     overlap[shapely.contains_xy(shapely.Polygon(face), *points.T)] *= -1
     least, most = int(np.argmin(overlap)), int(np.argmax(overlap))
     if overlap[most] <= 0:
         raise InputError(
-            f"does not press on the limb: its inner face is clear of the"
-            f" skin, at {at(points[most])} still by {-overlap[most]:.2f} mm; make it smaller"
+            f"does not press on the limb: its inner face is at least {-overlap[most]:.2f} mm away"
+            f" from the skin (closest at {at(points[most])}); make it smaller"
         )
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
         raise InputError(
             f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
-            f" {at(points[worst])}, where {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue"
-            " lie over it; make it larger or move it"
+            f" {at(points[worst])}, where the bone has"
+            f" {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue over it; make it larger or"
+            " move it"
         )
     return Placement(
         area_reduction=1 - inner.area / skin.area,

@@ -43,7 +43,7 @@ def build(limb: Limb, socket: Socket, size: MeshSize) -> TriangleMesh:
 
 
 def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
-    """Settle a size that is a number of triangles, by trial meshes."""
+    """Replace a size that is a number of triangles by one in mm, by trial meshes."""
 
     def count(trial: MeshSize) -> int:
         with gmsh_model.session("trial"):
@@ -60,7 +60,7 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     """
     path = Path(path)
     if path.suffix != ".msh":
-        raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
+        raise InputError(f"{path}: meshes are gmsh files; use a name that ends in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
     size = final_size(limb, socket, size)
@@ -96,8 +96,8 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
             surfaces,
             boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
             lambda: [
-                _add_size(Path(folder) / f"{number}.bin", field, own)
-                for number, (field, own) in enumerate(
+                _add_size(Path(folder) / f"{number}.bin", field, covered)
+                for number, (field, covered) in enumerate(
                     (
                         (sizing.limb_field(loops, limb.contact_boundary, size), limb_surfaces),
                         (sizing.socket_field(inner, outer, size), [surfaces[tags.SOCKET]]),

@@ -248,8 +248,8 @@ class CircleBlend(Socket):
         excess = ss - (1 - self.area_reduction) * skin.area
         if bs**2 < bb * excess:
             raise InputError(
-                f"no circle blend with these bumps has an area reduced by {self.area_reduction:g};"
-                " use smaller bumps"
+                "with these bumps no circle blend reduces the area by"
+                f" {100 * self.area_reduction:g} %; use smaller bumps"
             )
         k = (bs + np.sqrt(bs**2 - bb * excess)) / bb
 
@@ -300,16 +300,16 @@ def _check_face(face: ClosedCurve, what: str, remedy: str) -> None:
 
 
 def _check_wall(inner: ClosedCurve, thickness: float) -> None:
-    """Refuse a wall that folds over: where the face is hollow with a smaller radius."""
+    """Refuse a wall that folds over: where the face is concave with a smaller radius."""
     t = inner.sample(inner.perimeter / curves.CROSSING_POINTS)
     # 1/mm, negative where the wall's material is squeezed together towards the outside.
     curvature = inner.curvature(t)
     worst = int(np.argmin(curvature))
     if 1 + thickness * curvature[worst] <= 0:
         raise InputError(
-            f"a wall of {thickness:g} mm folds over: the inner face is hollow with a radius of"
-            f" {-1 / curvature[worst]:.2g} mm at {at(inner.evaluate(t[worst]))}; make the wall"
-            " thinner or the hollow wider"
+            f"a wall of {thickness:g} mm folds over where the inner face is concave with a radius"
+            f" of {-1 / curvature[worst]:.2g} mm, at {at(inner.evaluate(t[worst]))}; make the wall"
+            " thinner or the concavity wider"
         )
 
 
@@ -370,13 +370,14 @@ def resolved(
     Raises
     ------
     InputError
-        When the table is none of the three, or changes what the socket it is like has not.
+        When the table is none of the three, or has a key that the socket it is like does not have.
     """
     ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
+        *some, last = map(repr, reference)
         raise InputError(
-            "is not a socket; give one of law = 'normal_offset' or 'circle_blend', outline = a "
-            f"file, like = {', '.join(reference)}"
+            "is not a socket; give exactly one of law = 'normal_offset' or 'circle_blend', "
+            f"outline = 'FILE', like = {', '.join(some)} or {last}"
         )
     if ways == ["law"]:
         return table
@@ -391,7 +392,7 @@ def resolved(
     fields = {name for kind in _KINDS.values() for name in kind.model_fields}
     for key in changed:
         if key in fields - set(type(like).model_fields):
-            raise InputError(f"{source} is a socket of the law {like.law}, which has no {key}")
+            raise InputError(f"{source} is a {like.law} socket, which has no key '{key}'")
     return _as_table(like) | changed
 
 
@@ -427,7 +428,12 @@ class _Table:
             (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
         )
         shared = {"type": "object", "additionalProperties": False}
-        return {"anyOf": [{**shared, "properties": own, "required": keys} for own, keys in tables]}
+        return {
+            "anyOf": [
+                {**shared, "properties": properties, "required": keys}
+                for properties, keys in tables
+            ]
+        }
 
 
 SocketTable = Annotated[AnySocket, _Table()]

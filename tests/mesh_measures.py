@@ -50,9 +50,9 @@ class ElementLayers:
 def layers_across(mesh: TriangleMesh, region: str) -> ElementLayers:
     """Count the element layers between the curves that bound a region."""
     tag = mesh.regions[region]
-    own = mesh.cells[mesh.cell_tags == tag]
-    middles, first, uses = np.unique(own[:, 3:], return_index=True, return_counts=True)
-    sides = own[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)[first]
+    cells = mesh.cells[mesh.cell_tags == tag]
+    middles, first, uses = np.unique(cells[:, 3:], return_index=True, return_counts=True)
+    sides = cells[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)[first]
     nodes, ends = np.unique(sides, return_inverse=True)
     ends = ends.reshape(-1, 2)
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(len(nodes), len(nodes))).tocsr()

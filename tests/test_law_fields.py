@@ -112,8 +112,8 @@ def test_ghost_cells_have_their_law(striped) -> None:
     """Also where the tags name the cells of this rank alone."""
     domain, cell_tags = striped
     owned = cell_tags.indices < domain.topology.index_map(2).size_local
-    own = mesh.meshtags(domain, 2, cell_tags.indices[owned], cell_tags.values[owned])
-    fields = LawFields(domain, own, REGIONS, LAWS)
+    owned_tags = mesh.meshtags(domain, 2, cell_tags.indices[owned], cell_tags.values[owned])
+    fields = LawFields(domain, owned_tags, REGIONS, LAWS)
     check(fields.pressure_scale, cell_tags, (0.35, 0.024, 2.0, 5.0))
 
 

@@ -46,7 +46,7 @@ def test_a_ring_without_socket_has_no_socket_boundaries() -> None:
     assert set(mesh.boundaries) == {"tibia_medullary", "skin_surface"}
 
 
-def test_two_rings_have_their_own_size_and_turn() -> None:
+def test_two_rings_have_separate_sizes_and_turns() -> None:
     mesh = rings.build([("limb", 10.0, 20.0)], (20.0, 24.0), (4.0, 2.0), turn=0.4)
     for name, length in (("skin_surface", 4.0), ("socket_inner", 2.0)):
         sides = (mesh.facet_tags == mesh.boundaries[name]).sum()

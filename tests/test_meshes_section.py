@@ -116,9 +116,9 @@ def test_all_mid_side_nodes_between_regions_lie_on_the_curves(
     for name, curve in LOOPS.items():
         if name not in inside or name == LIMB.contact_boundary:
             continue
-        own = mesh.cell_tags == inside[name].id
+        in_vessel = mesh.cell_tags == inside[name].id
         (around,) = (region.id for region in LIMB.regions if name in region.holes)
-        shared = np.intersect1d(mesh.cells[own], mesh.cells[mesh.cell_tags == around])
+        shared = np.intersect1d(mesh.cells[in_vessel], mesh.cells[mesh.cell_tags == around])
         middles = np.intersect1d(shared, mesh.cells[:, 3:])
         assert len(middles) == len(shared) / 2 > 4
         assert distance_to(curve, mesh.points[shared]).max() < 1e-6
@@ -151,7 +151,7 @@ def test_two_elements_across_every_fascia_band_at_paper_size(
     single = np.sum(layers.count[band] < 2)
     if name == "paper":
         assert single == 0
-    else:  # the measure can tell
+    else:  # the measure can show it
         assert single > 500
 
 
@@ -200,7 +200,7 @@ def test_the_quality_table_has_a_row_a_region(written: tuple[Path, pd.DataFrame]
 
 @pytest.mark.parametrize(
     ("file", "expected"),
-    [("hs.vtk", r"let the name end in \.msh"), ("nowhere/hs.msh", "no folder")],
+    [("hs.vtk", r"use a name that ends in \.msh"), ("nowhere/hs.msh", "no folder")],
 )
 def test_wrong_names_of_files_are_refused(tmp_path: Path, file: str, expected: str) -> None:
     with pytest.raises(InputError, match=expected):

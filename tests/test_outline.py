@@ -132,12 +132,12 @@ def test_the_reference_socket_comes_back_from_a_file(
     name: str, write: Callable[[Path], None], tmp_path: Path
 ) -> None:
     write(tmp_path / name)
-    own = Socket.read(tmp_path / name)
-    assert isinstance(own, Outline)
-    assert len(own.points) <= MANY_POINTS
-    for face, reference in zip(own.faces(SKIN), TSB.faces(SKIN), strict=True):
+    custom = Socket.read(tmp_path / name)
+    assert isinstance(custom, Outline)
+    assert len(custom.points) <= MANY_POINTS
+    for face, reference in zip(custom.faces(SKIN), TSB.faces(SKIN), strict=True):
         assert deviation(face, reference) < 0.02
-    found, wanted = check_placement(own, LIMB), check_placement(TSB, LIMB)
+    found, wanted = check_placement(custom, LIMB), check_placement(TSB, LIMB)
     assert found.area_reduction == pytest.approx(wanted.area_reduction, abs=3e-5)
     assert found.mean_overlap == pytest.approx(wanted.mean_overlap, abs=1e-3)
 
@@ -227,13 +227,13 @@ def test_a_file_that_may_not_be_read_is_named(
         read_outline(tmp_path / "a.csv")
 
 
-def test_an_outline_is_meshed_with_a_wall_of_its_own(tmp_path: Path) -> None:
+def test_an_outline_is_meshed_with_its_wall(tmp_path: Path) -> None:
     """The wall of 3 mm has an area of 3 P + 9 pi."""
     np.savetxt(tmp_path / "a.csv", POINTS[::3], delimiter=",")
-    (tmp_path / "own.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')
-    own = Socket.read(tmp_path / "own.toml")
-    assert own == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0, name="own")
-    mesh = section.build(LIMB, own, mesh_size("coarse"))
+    (tmp_path / "custom.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')
+    custom = Socket.read(tmp_path / "custom.toml")
+    assert custom == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0, name="custom")
+    mesh = section.build(LIMB, custom, mesh_size("coarse"))
     assert jacobian_bounds(mesh.coordinates)[0].min() > 0
     wall = areas(mesh.coordinates)[mesh.cell_tags == SOCKET_ID].sum()
     assert wall == pytest.approx(3 * FACE.perimeter + 9 * np.pi, rel=1e-3)

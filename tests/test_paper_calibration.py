@@ -104,7 +104,7 @@ def test_the_table_says_what_the_fit_is_worth(tmp_path):
     table = calibration.table(found, laws)
     assert table.shown["alpha"]["Combined, fitted"] == "0.500 (not determined)"
     limit, unstable, others = table.notes
-    assert "alpha ended at an end of its range (0.500)" in limit
+    assert "alpha is at a limit of its range (0.500)" in limit
     assert unstable == "Unstable at some displacement: Separate."
     assert others == "Calibrated with other laws than this study's: fascia."
 

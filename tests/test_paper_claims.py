@@ -197,7 +197,7 @@ def test_the_papers_tables_contradict_its_text_here(paper, identifier):
     found = check(identifier, paper)
     assert found["verdict"] == FAILS
     assert "muscle is number 4, 9.44 %" in found["why"]
-    assert published.claims().set_index("id").own_tables[identifier].startswith("NO")
+    assert published.claims().set_index("id").paper_tables[identifier].startswith("NO")
 
 
 # --- verdicts follow numbers

@@ -197,10 +197,10 @@ def test_one_run_and_a_failure_still_get_a_page(one_run):
     assert "negative modes in HS_separate (2)" in seen.found["answer"][-1]
 
 
-def test_the_method_tells_settings_in_words(six_results):
+def test_the_method_has_settings_in_words(six_results):
     settings = method.tables(six_results)[1]
     assert settings.shown["value"]["friction coefficient"] == "0.4"
-    assert settings.shown["value"]["predictor"] == "no"
+    assert settings.shown["value"]["extrapolation from the last two steps"] == "no"
     summary = method.summary(six_results)
     assert summary.startswith("TC Separate and Combined; TSB Separate and Combined; HS Separate")
     assert "Mesh size coarse, socket floating, friction 0.4, fascia's C10 printed" in summary

@@ -1,4 +1,4 @@
-"""Results as types: computed once, written, read back, told apart."""
+"""Results as types: computed once, written, read back, distinguished."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_a_result_is_read_back_without_loss(solved, tmp_path):
     pd.testing.assert_frame_equal(again.summary(), solved.summary(), rtol=0, atol=0)
 
 
-def test_what_a_result_tells(solved):
+def test_what_a_result_contains(solved):
     assert tuple(solved.summary().columns) == SUMMARY_COLUMNS
     assert (solved.contact.pressure_kPa == 1 / 3).all() and "weight_mm" in solved.contact
     assert solved.checks.load == 1.0

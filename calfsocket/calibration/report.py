@@ -94,7 +94,7 @@ def show(calibration: Calibration, console: Console) -> None:
     forces = pd.DataFrame(calibration.force_per_metre)[list(LABELS)].map("{:.1f}".format)
     forces.insert(0, "u, mm", [f"{u:.3g}" for u in calibration.displacement])
     off = [f"{100 * calibration.deviation(name):.1f} %" for name in list(LABELS)[1:]]
-    forces.loc[len(forces)] = ["rms off", "", *off]
+    forces.loc[len(forces)] = ["rms deviation", "", *off]
     _print(console, "Force of the plate, N per metre of limb", forces.rename(columns=LABELS))
 
     rows = []
@@ -106,7 +106,7 @@ def show(calibration: Calibration, console: Console) -> None:
         rows.append([start, *parameters, f"{100 * fit.rms:.2f} %"])
     paper = [f"{value:.3g}" for value in _parameters(MUSCLE_AND_FASCIA).values()]
     rows.append(["the paper's Table 1", *paper, f"{100 * calibration.deviation(TABLE1):.2f} %"])
-    columns = ["start mu, kPa; alpha", "mu, kPa", "alpha", "D1, 1/MPa", "rms off"]
+    columns = ["start mu, kPa; alpha", "mu, kPa", "alpha", "D1, 1/MPa", "rms deviation"]
     laws = pd.DataFrame(rows, columns=columns)
     _print(console, "Combined material of muscle and fascia", laws)
     for line in remarks(calibration):
@@ -122,7 +122,7 @@ def _print(console: Console, title: str, frame: pd.DataFrame) -> None:
 
 
 def remarks(calibration: Calibration) -> list[str]:
-    """Return remarks on what the fit is worth, and which of the paper's observations hold."""
+    """Return remarks on how good the fit is, and which of the paper's observations hold."""
     best = calibration.fits[0]
     lines = [
         f"correlation of mu and alpha {best.correlation[0, 1]:.3f}; ± is from the misfit of two "
@@ -130,7 +130,7 @@ def remarks(calibration: Calibration) -> list[str]:
     ]
     if best.alpha_at_limit:
         lines.append(
-            f"alpha ended at an end of its range ({best.law.alpha[0]:.3g}): the curve does not "
+            f"alpha is at a limit of its range ({best.law.alpha[0]:.3g}): the curve does not "
             "determine it"
         )
     lines.append(

@@ -80,10 +80,11 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
     stress = table.in_mpa(named) * area
     sd = table.in_mpa("stress_sd") * area if "stress_sd" in table.units else None
     if sd is not None:
-        table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or leave the column out")
+        table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or remove the column")
     if np.sum(stress * (stretch - 1)) <= 0:
         raise InputError(
-            f"{path}: the stress does no work; give tension above 0 and compression below 0"
+            f"{path}: stress and strain have opposite signs; "
+            "tension must be positive and compression negative"
         )
     measure = measure or "engineering"
     return Test(table.path, table.title, table.sha256, mode, measure, stretch, stress, sd)
@@ -105,7 +106,7 @@ class _Table:
             if line.strip() and not line.startswith("#")
         ]
         if len(numbered) < 2:
-            raise InputError(f"{path}: holds no data; give a header and rows of numbers")
+            raise InputError(f"{path}: contains no data; give a header and rows of numbers")
         self.units = self._header(numbered[0][1])
         self.lines = [number for number, _ in numbered[1:]]
         for number, cells in numbered[1:]:
@@ -120,9 +121,7 @@ class _Table:
         try:
             return next(csv.reader([line], skipinitialspace=True))
         except csv.Error as error:
-            raise InputError(
-                f"{self.path}, line {number}: cannot be split into cells ({error})"
-            ) from error
+            raise InputError(f"{self.path}, line {number}: is not a CSV row ({error})") from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""
@@ -138,7 +137,7 @@ class _Table:
                 hint = nearest(found[1], _COLUMNS)
                 raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
-                raise InputError(f"{self.path}: column {found[1]} is given twice; keep one")
+                raise InputError(f"{self.path}: column {found[1]} appears twice; keep one")
             columns[found[1]] = (found[2] or "").strip()
         for wanted in (("stretch", "strain"), tuple(_STRESSES)):
             number = sum(name in columns for name in wanted)
@@ -208,7 +207,8 @@ class _Table:
         self.refuse([mode not in MODES for mode in found], f"mode is unknown; use one of {allowed}")
         self.refuse(
             [mode != found[0] for mode in found],
-            f"mode changes from {found[0]}; give each test a file of its own, and all files to fit",
+            f"mode changes from {found[0]}; put each test in a separate file, "
+            "and give all files to `fit`",
         )
         return next(mode for mode in MODES if mode == found[0])
 
@@ -218,5 +218,7 @@ def _agree(
 ) -> Choice | None:
     """Return what the file says, else what the option says; they must not contradict each other."""
     if read and asked and read != asked:
-        raise InputError(f"{path}: {place} says {read}, {option} says {asked}; let them agree")
+        raise InputError(
+            f"{path}: {place} says {read}, but {option} says {asked}; make them the same"
+        )
     return read or asked

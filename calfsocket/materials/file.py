@@ -60,7 +60,7 @@ def law_in(path: Path, content: Mapping[str, Any]) -> Law:
         raise InputError(f"{path}: provenance: is {provenance!r}; it must be a table")
     table = {key: value for key, value in content.items() if key != "provenance"}
     if "law" not in table:
-        raise InputError(f"{path}: law is missing; give one of {', '.join(IN_FILES)}")
+        raise InputError(f"{path}: law is missing; add one of {', '.join(IN_FILES)}")
     return cast(Law, checked(path, table, _Content).root)  # a neo-Hookean one has become Ogden's
 
 

@@ -71,8 +71,8 @@ class MaterialSet:
         soft = [*(self.laws[self.material(tissue)] for tissue in SOFT_TISSUES)]
         if all(law.bulk_modulus == inf for law in (*soft, *self.regions.values())):
             raise InputError(
-                "every soft tissue is incompressible, and a socket takes some of the limb's area; "
-                "give at least one nu < 0.5 or d1 > 0"
+                "every soft tissue is incompressible, but the socket reduces the limb's area; "
+                "give at least one tissue nu < 0.5 or d1 > 0"
             )
 
     @classmethod

@@ -80,11 +80,11 @@ class Ogden(Law):
     def _check(self) -> "Ogden":
         if not self.mu or len(self.mu) != len(self.alpha):
             raise ValueError(
-                f"{len(self.mu)} mu and {len(self.alpha)} alpha; "
-                "give one of each a term, and at least one term"
+                f"mu has length {len(self.mu)}, alpha {len(self.alpha)}; "
+                "give one mu and one alpha for each term, and at least one term"
             )
         if 0 in self.alpha:
-            raise ValueError("alpha is 0; it must be another number")
+            raise ValueError("alpha is 0; it must not be 0")
         mu = self.initial_shear_modulus
         if not (mu > 0 and math.isfinite(mu)):
             raise ValueError(f"initial shear modulus is {mu:g} MPa; it must be greater than 0")

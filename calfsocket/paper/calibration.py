@@ -174,11 +174,11 @@ def _with_deviation(values: pd.Series, deviations: pd.Series) -> list[str]:
 
 
 def _notes(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> list[str]:
-    """Return remarks on what the fit is worth."""
+    """Return how good the fit is, in words."""
     notes = []
     if calibration.fit.alpha_at_limit:
         notes.append(
-            f"alpha ended at an end of its range ({number(calibration.fit.alpha)}): the curve "
+            f"alpha is at a limit of its range ({number(calibration.fit.alpha)}): the curve "
             "does not determine it."
         )
     if calibration.unstable:

@@ -36,7 +36,7 @@ def _counts(boards: Mapping[str, pd.DataFrame]) -> Table:
         "verdicts_by_variant",
         "Claims on results under each choice",
         "One choice is changed at a time, so that a difference from the base has one cause; all "
-        "combinations would be 16 studies and tell little more. The one combination is that where "
+        "combinations would be 16 studies and show little more. The one combination is that where "
         "both choices act on peaks.",
         data,
         data.set_index("variant").map(str),

@@ -17,7 +17,7 @@ from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure,
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import chapters, names
 
-# After Okabe and Ito: told apart by colour-blind eyes, and in print by their lightness.
+# After Okabe and Ito: distinct to colour-blind eyes, and in print by their lightness.
 SOCKET_COLOURS = {"TC": "#e69f00", "TSB": "#56b4e9", "HS": "#1b4f72"}
 
 SHORT = {
@@ -91,7 +91,7 @@ def of_maxima(table: pd.DataFrame) -> Figure:
 
 
 def of_magnitudes(table: pd.DataFrame) -> Figure:
-    """Draw the change of the maxima's magnitude, which equation (3) does not tell."""
+    """Draw the change of the maxima's magnitude, which equation (3) does not give."""
     return _maxima(table, ("ours_magnitude", "paper_magnitude"), "change of magnitude, %")
 
 

@@ -36,13 +36,13 @@ def scoreboard(evidence: Evidence) -> pd.DataFrame:
     DataFrame
         One row a claim, in the order of the text: id, section, line, kind, claim, judges ("result",
         "input" or "paper"), given (why it holds by construction), verdict, ours, paper (numbers in
-        words), why (one line, where it does not hold or cannot be checked), own_tables (whether the
-        paper's own tables agree with its text) and note (on that).
+        words), why (one line, where it does not hold or cannot be checked), paper_tables (whether
+        the paper's tables agree with its text) and note (on that).
     """
     board = published.claims().join(published.checks()[["judges", "given"]], on="id")
     checked = pd.DataFrame([check(identifier, evidence) for identifier in board.id])
     board = pd.concat([board, checked], axis=1)
-    last = ["own_tables", "note"]
+    last = ["paper_tables", "note"]
     return board[[*(name for name in board if name not in last), *last]]
 
 
@@ -86,7 +86,7 @@ def parts(board: pd.DataFrame) -> list[str]:
 
 def table(board: pd.DataFrame) -> Table:
     """Return the scoreboard as a table of the report."""
-    contradicted = board.own_tables.str.startswith("NO")
+    contradicted = board.paper_tables.str.startswith("NO")
     paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
     shown = board.assign(paper=paper).set_index("id")
     return Table(

@@ -171,7 +171,7 @@ def _marks(data: pd.DataFrame) -> list[str]:
 
 
 def _notes(data: pd.DataFrame, *where: str) -> tuple[str, ...]:
-    """Return at which cells the marks stand, and why."""
+    """Return which cells are marked, and why."""
     readable = in_words(data)
     return tuple(
         f"{MARK} {', '.join(readable.loc[row, list(where)])}: {note}"

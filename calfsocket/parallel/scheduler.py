@@ -79,7 +79,7 @@ class Scheduler:
         Parameters
         ----------
         failure
-            Why this rank could not go on; empty where the case went well.
+            Why this rank could not continue; empty where the case went well.
 
         Returns
         -------

@@ -37,7 +37,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
     n_cells = domain.topology.index_map(2).size_local
     nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
     F, stress, p = _at_gauss_points(model, n_cells)
-    gathered = model.comm.gather(
+    collected = model.comm.gather(
         (
             domain.topology.original_cell_index[:n_cells],
             domain.geometry.input_global_indices[nodes],
@@ -50,9 +50,9 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         ),
         root=0,
     )
-    if gathered is None:
+    if collected is None:
         return None
-    number, *parts = (np.concatenate(part) for part in zip(*gathered, strict=True))
+    number, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
     order = np.argsort(number)
     node, x, u, region, F, stress, p = (part[order] for part in parts)
     points = np.zeros((node.max() + 1, 2))
@@ -79,7 +79,7 @@ def contact_line(model: Problem) -> ContactLine | None:
     contact = model.contact
     state = contact.state()
     law = state.traction
-    gathered = model.comm.gather(
+    collected = model.comm.gather(
         (
             contact.skin.nodes,
             contact.points.reference,
@@ -92,10 +92,10 @@ def contact_line(model: Problem) -> ContactLine | None:
         ),
         root=0,
     )
-    if gathered is None:
+    if collected is None:
         return None
     nodes, reference, position, weight, pressure, shear, gap, status = (
-        np.concatenate(part) for part in zip(*gathered, strict=True)
+        np.concatenate(part) for part in zip(*collected, strict=True)
     )
     order, flipped = order_chain(nodes)
     chain = EdgeChain.from_edges(along_chain(nodes, order, flipped))

@@ -15,7 +15,7 @@ GAUSS_POINTS = np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]])
 
 @dataclass(frozen=True)
 class SectionFields:
-    """Displacement, stress, deformation gradient and pressure of one case, gathered to one rank.
+    """Displacement, stress, deformation gradient and pressure of one case, collected on one rank.
 
     Nodes and cells stand in the mesh generator's order, so that nothing here depends on how the
     mesh was distributed. Cells are six-node triangles in VTK's order: three corners, then the

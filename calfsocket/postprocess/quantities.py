@@ -212,7 +212,7 @@ def pair_levels(nodal: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArra
 
 @dataclass(frozen=True)
 class Maximum:
-    """The level of a quantity in a tissue, and where it is held.
+    """The level of a quantity in a tissue, and where it is reached.
 
     Attributes
     ----------

@@ -57,13 +57,11 @@ class Threshold:
 
     def __post_init__(self) -> None:
         if self.quantity not in THRESHOLD_UNITS:
-            raise InputError(
-                f"quantity is {self.quantity!r}; use one of {', '.join(THRESHOLD_UNITS)}"
-            )
+            raise InputError(f"quantity is {self.quantity!r}; use {', '.join(THRESHOLD_UNITS)}")
         tissues = ("skin",) if self.quantity == CONTACT_PRESSURE else SUMMARY_TISSUES
         if self.tissue not in tissues:
             raise InputError(
-                f"tissue is {self.tissue!r}; for {self.quantity} use one of {', '.join(tissues)}"
+                f"tissue is {self.tissue!r}; for {self.quantity} use {', '.join(tissues)}"
             )
         if not (math.isfinite(self.value) and self.value > 0):
             raise InputError(f"value is {self.value} {self.unit}; use a finite number above 0")

@@ -32,7 +32,7 @@ def sector(x_mm: float, y_mm: float) -> str:
 
 
 def answer(findings: Findings) -> list[Line]:
-    """Return what the sockets do to the limb, without lines that the study has no results for."""
+    """Return what the sockets do to the limb, as far as the study's cases show it."""
     results, changes = findings.results, findings.changes
     lines = [_contact(results), *(_tissue(results, tissue) for tissue in SUMMARY_TISSUES)]
     if len(changes):
@@ -112,7 +112,7 @@ def _tissue(results: Results, tissue: str) -> Line:
     parts = []
     for row in most:
         where = [] if same else [row.socket]
-        if tissue not in row.region:  # "deep_fascia" tells no more than "fascia"
+        if tissue not in row.region:  # "deep_fascia" adds nothing to "fascia"
             where.append(names.region(row.region))
         where.append(sector(row.x_mm, row.y_mm))
         value = f"{names.QUANTITIES[row.quantity]} {number(abs(row.value))} {row.unit}"
@@ -135,7 +135,7 @@ def _merging_and_pressure(changes: pd.DataFrame) -> Line:
 
 
 def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
-    """Return how maxima of the tissues change in magnitude, and which tissue has the largest."""
+    """Return how the tissues' largest values change, and which tissue has the largest of all."""
     both = changes[changes.site == "max_both"].set_index(["tissue", "quantity"]).sort_index()
     parts = []
     for tissue in ("fascia", "muscle"):

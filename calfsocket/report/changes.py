@@ -119,8 +119,8 @@ def _contact_rows(separate: Result, combined: Result) -> list[dict[str, Any]]:
     smooth = [each.line.running_mean_kPa for each in pair]
     found = [each.contact_levels for each in pair]
     rows = []
-    for site, own, levels in zip(SITES, smooth, found, strict=False):
-        point, place = first_largest(own), levels["contact_pressure_max"]
+    for site, curve, levels in zip(SITES, smooth, found, strict=False):
+        point, place = first_largest(curve), levels["contact_pressure_max"]
         row = _row(smooth[0][point], smooth[1][point], site, place)
         rows.append({"quantity": "contact_pressure_max", **row})
     for quantity in ("contact_pressure_max", "contact_pressure_mean"):

@@ -24,7 +24,7 @@ class Table:
     Attributes
     ----------
     name : str
-        File name without ending.
+        File name without extension.
     title, caption : str
         Heading, and what the cells say.
     data : DataFrame
@@ -65,8 +65,8 @@ class Table:
         """Write NAME.csv, NAME.md and NAME.html."""
         with replacing(folder / f"{self.name}.csv") as path:
             self.data.to_csv(path, index=False, float_format=FLOAT_FORMAT)
-        for ending, text in (("md", self.markdown()), ("html", str(self.html()))):
-            with replacing(folder / f"{self.name}.{ending}") as path:
+        for extension, text in (("md", self.markdown()), ("html", str(self.html()))):
+            with replacing(folder / f"{self.name}.{extension}") as path:
                 path.write_text(text, encoding="utf-8")
 
 

@@ -62,8 +62,8 @@ def maxima(results: Results) -> Table:
     return Table(
         "maxima",
         "Largest stresses and strains of every case",
-        "Levels held by two neighbouring elements and five of their nodes; contact pressure as a "
-        "3 mm running mean along the skin, and its mean over the skin in contact.",
+        "Levels reached in two neighbouring elements and five of their nodes; contact pressure as "
+        "a 3 mm running mean along the skin, and its mean over the skin in contact.",
         data,
         spread(shown, ["tissue", "quantity"], ["socket", "material_set"], shown.value.map(number)),
     )

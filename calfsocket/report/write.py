@@ -101,8 +101,8 @@ def _chapters(findings: Findings) -> list[Chapter]:
             "stress",
             "Stress",
             "Compression, distortion and shear of the tissues at rest in the socket, without body "
-            "weight. The largest value of a tissue is the largest level held by two neighbouring "
-            "elements and five of their nodes, so that no single point decides.",
+            "weight. The largest value of a tissue is the largest level reached in two "
+            "neighbouring elements and five of their nodes, so that no single point decides.",
             content(drawn["effective_stress"]),
         ),
         Chapter(
@@ -127,7 +127,7 @@ def _chapters(findings: Findings) -> list[Chapter]:
     ]
 
 
-def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
+def _joined(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
     """Add guests' chapters to those of the same anchor, or behind the one that they follow."""
     replaced = {name for guest in guests for name in guest.replaces}
     chapters = [
@@ -137,7 +137,7 @@ def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
                 each for each in chapter.content if getattr(each, "name", None) not in replaced
             ),
         )
-        for chapter in own
+        for chapter in chapters
     ]
     for chapter in (chapter for guest in guests for chapter in guest.chapters):
         anchors = [each.anchor for each in chapters]

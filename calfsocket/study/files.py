@@ -58,7 +58,7 @@ class Files:
     def _read(self, name: str, read: Callable[[Path], Any]) -> None:
         if self._recorded is not None:
             if name not in self._recorded:
-                raise InputError(f"{name}: is not among the files of that run")
+                raise InputError(f"{name}: is not one of the files recorded in that run.json")
             self._content[name] = dict(self._recorded[name])
             return
         path = self._folder / name

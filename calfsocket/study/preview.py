@@ -102,7 +102,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
 
 
 def _custom_regions(plan: Plan) -> set[str]:
-    """Return regions that some material set of the study gives a law of their own."""
+    """Return regions that some material set of the study gives a custom law."""
     return {name for case in plan.cases for name in case.materials.regions}
 
 

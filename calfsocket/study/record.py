@@ -88,11 +88,11 @@ class Recorder:
         if known is None or known.status != "solved":
             return False
         why = restart.damage(known.files, case_digests(self._out, case))
-        log.info("%s: %s", case.name, why or "solved already")
+        log.info("%s: %s", case.name, why or "already solved; kept")
         return not why
 
     def put(self, record: CaseRecord) -> None:
-        """Enter how a case ended; a full disk at this moment does not stop the cases that run."""
+        """Record how a case ended; a full disk at this moment does not stop the cases that run."""
         self._record.cases[record.name] = record
         try:
             self._write()
@@ -113,7 +113,9 @@ class Recorder:
         failed = [record for record in records if record.status != "solved"]
         if failed:
             log.warning(
-                "%d of %d cases failed; --resume tries them again:", len(failed), len(records)
+                "%d of %d cases failed; run again with --resume to retry them:",
+                len(failed),
+                len(records),
             )
         for record in failed:
             log.warning("%s: %s", record.name, record.message)
@@ -175,7 +177,7 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If the folder holds results of other inputs, unless they may be overwritten, or cannot be
+        If the folder contains results of other inputs, unless they may be overwritten, or cannot be
         written.
     """
     path = out / RUN_FILE
@@ -187,11 +189,13 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         if not path.exists():
             return
     except OSError as error:
-        raise InputError(f"--out {out}: {error}; name a folder that can be written") from None
+        raise InputError(
+            f"--out {out}: {error.strerror}; name a folder that can be written to"
+        ) from None
     try:
         before = read_run(path)
     except InputError as error:
-        raise InputError(f"{error}; or add --overwrite to replace the results") from None
+        raise InputError(f"{error}; or add --overwrite to replace its results") from None
     now = {"settings": plan.settings, "thresholds": [asdict(each) for each in plan.thresholds]}
     then = {"settings": before.settings, "thresholds": list(before.thresholds)}
     changed = [
@@ -203,7 +207,7 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         # What differs in the file's tables says more than the names of the cases.
         words = sorted(_differences(then, now)) or changed
         raise InputError(
-            f"--out {out}: holds results made from other inputs ({', '.join(words)}); "
+            f"--out {out}: contains results of other inputs ({', '.join(words)} changed); "
             "name another folder, or add --overwrite to replace them"
         )
 

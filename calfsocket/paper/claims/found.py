@@ -269,7 +269,9 @@ def pressure_rise(e: Evidence, of: str) -> Fact:
     if falls:
         c10 = e.laws["separate"]["fascia"].get("c10")
         why = f"in {', '.join(falls)} the mean rises, the largest falls: in Separate a fascia of "
-        why += f"C10 {c10:g} MPa gathers pressure in peaks" if c10 else "another law is stiffer"
+        why += (
+            f"C10 {c10:g} MPa concentrates pressure in peaks" if c10 else "another law is stiffer"
+        )
     return {"value": tuple(rises.values()), "rises": rises, "means": means, "why": why}
 
 
@@ -449,5 +451,5 @@ def deviation_without_fascia(e: Evidence, of: str) -> Fact:
 
 @fact
 def cannot_be_repeated(e: Evidence, of: str) -> Fact:
-    """Refuse a claim, with the reason why it cannot be checked."""
+    """Return why a claim cannot be checked."""
     raise NotChecked(of)

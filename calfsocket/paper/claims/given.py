@@ -394,9 +394,9 @@ def _levels(e: Evidence) -> Iterator[tuple[Quantities, str, str, Maximum]]:
 
 
 @fact
-def maxima_held(e: Evidence, of: str) -> Fact:
-    """Return the share of maxima that five nodes and two neighbouring elements hold."""
-    held = []
+def maxima_reached(e: Evidence, of: str) -> Fact:
+    """Return the share of maxima that five nodes and two neighbouring elements reach."""
+    reached = []
     for quantities, tissue, name, level in _levels(e):
         fields, pairs = quantities.fields, quantities.pairs
         middles = fields.points[pairs.edge_node]
@@ -410,8 +410,8 @@ def maxima_held(e: Evidence, of: str) -> Fact:
         else:
             nodal, mean = np.sign(level.value) * nodal, np.sign(level.value) * mean
         least = abs(level.value) * (1 - SAME)
-        held.append(np.count_nonzero(nodal >= least) >= NODES and bool((mean >= least).all()))
-    return {"value": sum(held) / len(held), "held": sum(held), "n": len(held)}
+        reached.append(np.count_nonzero(nodal >= least) >= NODES and bool((mean >= least).all()))
+    return {"value": sum(reached) / len(reached), "reached": sum(reached), "n": len(reached)}
 
 
 @fact

@@ -3,9 +3,9 @@
 A row of ``data/checks.csv`` is a claim: ``fact`` names a function that finds the actual value, for
 what ``of`` says; ``rule`` names how the value is compared with ``expected``. ``ours`` and ``why``
 are what a reader sees of the fact, and of the reason where the claim does not hold, with the parts
-of the fact in braces (`Words`); ``paper`` is what the paper has. ``judges`` tells claims on results
-from those that only restate an input of the study or compare the paper with itself; those hold by
-construction, and ``given`` says by which.
+of the fact in braces (`Words`); ``paper`` is what the paper has. ``judges`` separates claims on
+results from those that only restate an input of the study or compare the paper with itself; those
+hold by construction, and ``given`` says by which.
 """
 
 import string
