@@ -174,7 +174,7 @@ def _with_deviation(values: pd.Series, deviations: pd.Series) -> list[str]:
 
 
 def _notes(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> list[str]:
-    """Say what the fit is worth."""
+    """Return remarks on what the fit is worth."""
     notes = []
     if calibration.fit.alpha_at_limit:
         notes.append(

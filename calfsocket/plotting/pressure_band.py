@@ -16,7 +16,7 @@ LEVEL_LINE: dict[str, Any] = {"color": "#666666", "linewidth": 0.5, "dashes": (4
 
 
 def outward_normals(line: NDArray[np.float64], smooth_mm: float = 4.0) -> NDArray[np.float64]:
-    """Give unit normals of a closed counter-clockwise line (n, 2), averaged over `smooth_mm`."""
+    """Return unit normals of a closed counter-clockwise line (n, 2), averaged over `smooth_mm`."""
     tangent = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     normal = np.column_stack([tangent[:, 1], -tangent[:, 0]])
     step = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).mean()
@@ -45,7 +45,7 @@ class PressureBand:
     mm_per_kPa: float
 
     def at(self, pressure_kPa: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """Give the closed line at a pressure, mm, (n + 1, 2)."""
+        """Return the closed line at a pressure, mm, (n + 1, 2)."""
         height = self.mm_per_kPa * np.broadcast_to(pressure_kPa, len(self.foot))
         line = self.foot + height[:, None] * self.normal
         return np.vstack([line, line[:1]])

@@ -26,13 +26,13 @@ MOST_NAMED = 4
 
 
 def sector(x_mm: float, y_mm: float) -> str:
-    """Name the side of the limb on which a site lies."""
+    """Return the side of the limb on which a site lies."""
     angle = np.degrees(np.arctan2(y_mm, x_mm))
     return SECTORS[round(angle / 45) % 8]
 
 
 def answer(findings: Findings) -> list[Line]:
-    """Say what the sockets do to the limb; what the study cannot tell is left out."""
+    """Return what the sockets do to the limb, without lines that the study has no results for."""
     results, changes = findings.results, findings.changes
     lines = [_contact(results), *(_tissue(results, tissue) for tissue in SUMMARY_TISSUES)]
     if len(changes):
@@ -87,7 +87,7 @@ def _contact(results: Results) -> Line:
 
 
 def _contact_of_many(peaks: pd.DataFrame, means: pd.Series, material_set: str) -> Line:
-    """Say the range over sockets that are too many to name."""
+    """Return the range over sockets that are too many to name."""
     lowest, highest = means.idxmin(), means.idxmax()
     worst = peaks.loc[peaks.value.idxmax()]
     return Line(
@@ -100,7 +100,7 @@ def _contact_of_many(peaks: pd.DataFrame, means: pd.Series, material_set: str) -
 
 
 def _tissue(results: Results, tissue: str) -> Line:
-    """Say in which socket and where a tissue is loaded most."""
+    """Return in which socket and where a tissue is loaded most."""
     summary = results.summary
     rows = summary[(summary.material_set == _reference(results)) & (summary.tissue == tissue)]
     most = [
@@ -135,7 +135,7 @@ def _merging_and_pressure(changes: pd.DataFrame) -> Line:
 
 
 def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
-    """Say how the tissues' largest values change in magnitude, and which tissue has the largest."""
+    """Return how maxima of the tissues change in magnitude, and which tissue has the largest."""
     both = changes[changes.site == "max_both"].set_index(["tissue", "quantity"]).sort_index()
     parts = []
     for tissue in ("fascia", "muscle"):
@@ -156,7 +156,7 @@ def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
 
 
 def _most_loaded(results: Results, material_set: str, quantity: str) -> str:
-    """Name the tissue with the largest magnitude of an quantity, over all sockets."""
+    """Return the tissue with the largest magnitude of a quantity, over all sockets."""
     summary = results.summary
     rows = summary[(summary.material_set == material_set) & (summary.quantity == quantity)]
     return names.TISSUES[rows.tissue[rows.value.abs().idxmax()]]

@@ -32,7 +32,7 @@ SETTINGS = {
 
 
 def tables(results: Results) -> list[Table]:
-    """Make the tables of cases, of settings and of versions."""
+    """Return the tables of cases, of settings and of versions."""
     made = [_cases(results)]
     if found := inputs.settings(results):
         made.append(_settings(found))
@@ -42,7 +42,7 @@ def tables(results: Results) -> list[Table]:
 
 
 def summary(results: Results) -> str:
-    """Say in one sentence what was solved."""
+    """Describe in one sentence what was solved."""
     runs = "; ".join(
         f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
     )

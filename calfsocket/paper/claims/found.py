@@ -449,5 +449,5 @@ def deviation_without_fascia(e: Evidence, of: str) -> Fact:
 
 @fact
 def cannot_be_repeated(e: Evidence, of: str) -> Fact:
-    """Say why a claim cannot be checked."""
+    """Refuse a claim, with the reason why it cannot be checked."""
     raise NotChecked(of)

@@ -72,7 +72,7 @@ def _by_tissue(fields: SectionFields) -> list[int]:
 def _number_places(
     fields: SectionFields, ids: list[int]
 ) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]]:
-    """Give number, place, and for regions too small for it the point that a line leads to.
+    """Return number, place, and for regions too small for it the point that a line leads to.
 
     A number stands where its region is widest. That of a small one stands beside it, at the place
     within reach that is farthest from all outlines and from the other numbers.
