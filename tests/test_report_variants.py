@@ -91,6 +91,8 @@ def test_claims_under_each_variant(tables):
     # friction is an input of the study, and is as the variant has it
     assert rows.loc["C044", ["base", "frictionless"]].tolist() == [HOLDS, "does not hold"]
     assert not rows.same["C044"] and rows.same["C023"]
+    # so are its laws: C10 of fascia
+    assert rows.loc["C024", ["base", "frictionless"]].tolist() == [HOLDS, "does not hold"]
     assert rows["socket-fixed"]["C054"] == UNCHECKED
 
 

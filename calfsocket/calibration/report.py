@@ -44,31 +44,36 @@ def record(calibration: Calibration, settings: Settings) -> CalibrationRecord:
     on_compound = settings.specimen == "compound"
     geometry = settings.compound if on_compound else settings.limb
     separate = separate_laws(settings)
-    return CalibrationRecord(
-        inputs={
-            **{name: getattr(settings, name) for name in ("specimen", "size", "points", "free_d")},
-            "geometry": geometry.model_dump(mode="json"),
-            "plate": settings.compound.plate if on_compound else LIMB_PLATE,
-            "cells": specimen.section.mesh.topology.index_map(2).size_global,
-            "stroke_mm": specimen.stroke,
-            "contact": settings.contact.model_dump(),
-            "nu": None if settings.free_d else NU,
-            "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
-        },
-        fits=[_fitted(fit) for fit in calibration.fits],
-        table1=_parameters(MUSCLE_AND_FASCIA),
-        deviation_from_separate={
-            name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
-        },
-        ordering=calibration.ordering(),
-        curves={
-            name: {
-                "negative_modes": curve.negative_modes.tolist(),
-                "newton_iterations": curve.newton_iterations,
-                "cutbacks": curve.cutbacks,
-            }
-            for name, curve in calibration.curves.items()
-        },
+    return CalibrationRecord.model_validate(
+        {
+            "inputs": {
+                "specimen": settings.specimen,
+                "size": settings.size,
+                "points": settings.points,
+                "free_d": settings.free_d,
+                "geometry": geometry.model_dump(mode="json"),
+                "plate": settings.compound.plate if on_compound else LIMB_PLATE,
+                "cells": specimen.section.mesh.topology.index_map(2).size_global,
+                "stroke_mm": specimen.stroke,
+                "contact": settings.contact.model_dump(),
+                "nu": None if settings.free_d else NU,
+                "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
+            },
+            "fits": [_fitted(fit) for fit in calibration.fits],
+            "table1": _parameters(MUSCLE_AND_FASCIA),
+            "deviation_from_separate": {
+                name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
+            },
+            "ordering": calibration.ordering(),
+            "curves": {
+                name: {
+                    "negative_modes": curve.negative_modes.tolist(),
+                    "newton_iterations": curve.newton_iterations,
+                    "cutbacks": curve.cutbacks,
+                }
+                for name, curve in calibration.curves.items()
+            },
+        }
     )
 
 

@@ -18,10 +18,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calfsocket.fit.modes import MODES, Array, Mode
 from calfsocket.fit.stability import SCANNED
@@ -82,9 +81,8 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
     if sd is not None:
         table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or remove the column")
     if np.sum(stress * (stretch - 1)) <= 0:
-        raise InputError(
-            f"{path}: stress and strain have opposite signs; "
-            "tension must be positive and compression negative"
+        raise table.wrong(
+            "stress and strain have opposite signs; tension must be positive and compression negative"
         )
     measure = measure or "engineering"
     return Test(table.path, table.title, table.sha256, mode, measure, stretch, stress, sd)
@@ -106,14 +104,12 @@ class _Table:
             if line.strip() and not line.startswith("#")
         ]
         if len(numbered) < 2:
-            raise InputError(f"{path}: contains no data; give a header and rows of numbers")
+            raise self.wrong("contains no data; give a header and rows of numbers")
         self.units = self._header(numbered[0][1])
         self.lines = [number for number, _ in numbered[1:]]
         for number, cells in numbered[1:]:
             if len(cells) != len(self.units):
-                raise InputError(
-                    f"{path}, line {number}: {len(cells)} cells; the header has {len(self.units)}"
-                )
+                raise self.wrong(f"{len(cells)} cells; the header has {len(self.units)}", number)
         columns = zip(*(cells for _, cells in numbered[1:]), strict=True)
         self.text = dict(zip(self.units, columns, strict=True))
 
@@ -121,7 +117,7 @@ class _Table:
         try:
             return next(csv.reader([line], skipinitialspace=True))
         except csv.Error as error:
-            raise InputError(f"{self.path}, line {number}: is not a CSV row ({error})") from error
+            raise self.wrong(f"is not a CSV row ({error})", number) from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""
@@ -129,28 +125,32 @@ class _Table:
         for cell in cells:
             found = _HEADER.fullmatch(cell)
             if not found:
-                raise InputError(
-                    f"{self.path}: column {cell.strip()!r} cannot be read; write NAME or "
-                    "NAME [UNIT], e.g. stress [kPa]"
+                raise self.wrong(
+                    f"column {cell.strip()!r} cannot be read; write NAME or NAME [UNIT], "
+                    "e.g. stress [kPa]"
                 )
             if found[1] not in _COLUMNS:
                 hint = nearest(found[1], _COLUMNS)
-                raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
+                raise self.wrong(f"column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
-                raise InputError(f"{self.path}: column {found[1]} appears twice; keep one")
+                raise self.wrong(f"column {found[1]} appears twice; keep one")
             columns[found[1]] = (found[2] or "").strip()
         for wanted in (("stretch", "strain"), tuple(_STRESSES)):
             number = sum(name in columns for name in wanted)
             if number != 1:
                 what = "no column" if number == 0 else "more than one column"
-                raise InputError(f"{self.path}: {what} of {', '.join(wanted)}; give one of them")
+                raise self.wrong(f"{what} of {', '.join(wanted)}; give one of them")
         return columns
 
-    def refuse(self, bad: NDArray[np.bool_] | Iterable[bool], what: str) -> None:
+    def wrong(self, what: str, line: int = 0) -> InputError:
+        """Return the error that names the file, and the line if there is one."""
+        return InputError(f"{self.path}{f', line {line}' if line else ''}: {what}")
+
+    def refuse(self, bad: Iterable[Any], what: str) -> None:
         """Refuse the first row that is bad."""
         for line, is_bad in zip(self.lines, bad, strict=True):
             if is_bad:
-                raise InputError(f"{self.path}, line {line}: {what}")
+                raise self.wrong(what, line)
 
     def numbers(self, name: str) -> Array:
         """Return a column of finite numbers, in the file's unit."""
@@ -161,9 +161,7 @@ class _Table:
             except ValueError:
                 values.append(np.nan)
             if not np.isfinite(values[-1]):
-                raise InputError(
-                    f"{self.path}, line {line}: {name} is {cell.strip()!r}; give a finite number"
-                )
+                raise self.wrong(f"{name} is {cell.strip()!r}; give a finite number", line)
         return np.array(values)
 
     def in_mpa(self, name: str) -> Array:
@@ -171,7 +169,7 @@ class _Table:
         try:
             factor = STRESS.factor(self.units[name])
         except ValueError as error:
-            raise InputError(f"{self.path}: {name}: {error}, e.g. `{name} [kPa]`") from error
+            raise self.wrong(f"{name}: {error}, e.g. `{name} [kPa]`") from error
         return self.numbers(name) * float(factor)
 
     def stretch(self) -> Array:
@@ -180,10 +178,8 @@ class _Table:
         allowed = _STRAIN_UNITS if name == "strain" else {"": 1.0, "-": 1.0}
         unit = self.units[name]
         if unit not in allowed:
-            raise InputError(
-                f"{self.path}: {name}: unit {unit!r} is unknown; "
-                f"use {' or '.join(filter(None, allowed))}"
-            )
+            use = " or ".join(filter(None, allowed))
+            raise self.wrong(f"{name}: unit {unit!r} is unknown; use {use}")
         values = self.numbers(name) * allowed[unit] + (name == "strain")
         low, high = SCANNED
         self.refuse(
