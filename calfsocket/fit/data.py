@@ -82,7 +82,8 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
         table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or remove the column")
     if np.sum(stress * (stretch - 1)) <= 0:
         raise table.wrong(
-            "stress and strain have opposite signs; tension must be positive and compression negative"
+            "stress and strain have opposite signs; "
+            "tension must be positive and compression negative"
         )
     measure = measure or "engineering"
     return Test(table.path, table.title, table.sha256, mode, measure, stretch, stress, sd)
