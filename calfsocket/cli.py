@@ -11,55 +11,43 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import calfsocket
-from calfsocket.commands import (
-    BAD_INPUT,
-    CASE_FAILED,
-    Command,
-    NamedCommand,
-    calibrate,
-    check,
-    fit,
-    mesh,
-    new,
-    picture,
-    precompile,
-    report,
-    run,
-    schema,
-    show,
-    study,
-    verify,
-)
+from calfsocket.commands import BAD_INPUT, CASE_FAILED, OK, Command, study_files, tools
+from calfsocket.commands.calibrate import calibrate
+from calfsocket.commands.fit import fit
+from calfsocket.commands.report import picture, report
+from calfsocket.commands.study import run, study
 from calfsocket.io.errors import CalfsocketError, InputError
 from calfsocket.parallel.abort import abort_all, all_arrive, exit_code, handle_termination
 
 PROGRAM = "python3 -m calfsocket"
 
-COMMANDS: dict[str, NamedCommand] = {
-    "new": new,
-    "check": check,
-    "show": show,
-    "run": run,
-    "schema": schema,
-    "calibrate": calibrate,
-    "fit": fit,
-    "mesh": mesh,
-    "picture": picture,
-    "report": report,
-    "verify": verify,
-    "precompile": precompile,
+COMMANDS = {
+    command.name: command
+    for command in (
+        study_files.new,
+        study_files.check,
+        study_files.show,
+        run,
+        study_files.schema,
+        calibrate,
+        fit,
+        tools.mesh,
+        picture,
+        report,
+        tools.verify,
+        tools.precompile,
+    )
 }
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     words, petsc = _split_petsc(list(sys.argv[1:] if argv is None else argv))
-    name = words.pop(0) if words and words[0] in COMMANDS else ""
-    command: Command = COMMANDS[name] if name else study
+    command = COMMANDS[words.pop(0)] if words and words[0] in COMMANDS else study
     first = _launched_rank() == 0
     try:
         with contextlib.redirect_stdout(sys.stdout if first else io.StringIO()):
-            arguments = _parser(name, command).parse_all(words)
+            arguments = _parser(command).parse_all(words)
     except InputError as error:
         return _refuse(error, first)
     return _with_mpi(command, arguments, petsc)
@@ -85,24 +73,25 @@ class _Parser(argparse.ArgumentParser):
         return arguments
 
 
-def _parser(name: str, command: Command) -> _Parser:
-    """Return the parser of a command; the one without a name, the study, lists the others."""
-    if name:
-        parser = _Parser(
-            prog=f"{PROGRAM} {name}", description=command.DESCRIPTION, epilog=command.EPILOG
-        )
-    else:
-        listed = "\n".join(f"  {each:10s} {COMMANDS[each].HELP}" for each in COMMANDS)
+def _parser(command: Command) -> _Parser:
+    """Return the parser of a command; that of the study, which has no name, lists the others."""
+    if command is study:
+        listed = "\n".join(f"  {each.name:10s} {each.help}" for each in COMMANDS.values())
         parser = _Parser(
             prog=PROGRAM,
             usage=f"{PROGRAM} [options]   or   {PROGRAM} COMMAND [options]",
-            description=f"{command.DESCRIPTION}\ncommands:\n{listed}",
-            epilog=command.EPILOG,
+            description=f"{command.description}\ncommands:\n{listed}",
+            epilog=command.epilog,
         )
         parser.add_argument(
             "--version", action="version", version=f"calfsocket {calfsocket.__version__}"
         )
-    command.add_arguments(parser)
+    else:
+        parser = _Parser(
+            prog=f"{PROGRAM} {command.name}", description=command.description, epilog=command.epilog
+        )
+    for add in command.options:
+        add(parser)
     return parser
 
 
@@ -116,7 +105,7 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
     abort_comm = MPI.Intracomm(comm.Dup())
     handle_termination()
     try:
-        return command.run(comm, arguments)
+        return command.run(comm, arguments) or OK
     except InputError as error:
         if all_arrive(abort_comm):
             return _refuse(error, first=comm.rank == 0)
@@ -145,17 +134,11 @@ def _split_petsc(argv: list[str]) -> tuple[list[str], list[str]]:
     """Separate PETSc's options (-calfsocket_NAME [VALUE]) from ours."""
     ours: list[str] = []
     petsc: list[str] = []
-    takes_value = False
+    named = False
     for word in argv:
-        if word.startswith("-calfsocket_"):
-            petsc.append(word)
-            takes_value = True
-        elif takes_value and not word.startswith("--"):
-            petsc.append(word)
-            takes_value = False
-        else:
-            ours.append(word)
-            takes_value = False
+        is_value = named and not word.startswith("--")
+        named = word.startswith("-calfsocket_")
+        (petsc if named or is_value else ours).append(word)
     return ours, petsc
 
 

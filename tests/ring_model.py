@@ -2,11 +2,13 @@
 
 import json
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
 
 from calfsocket.materials.material_set import MaterialSet
+from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
@@ -62,7 +64,44 @@ def describe(stepper: LoadStepper) -> dict[str, object] | None:
     }
 
 
+PULLED_LAYERS = [("bone", 10.0, 14.0), ("fascia", 14.0, 15.0), ("skin", 15.0, 20.0)]
+
+
+def pulled_rings(comm: MPI.Comm, loads: LoadSteps | Sequence[float] = (0.5, 1.0)) -> LoadStepper:
+    """Turn and stretch the skin of rings without a socket, whose core is held."""
+
+    def turned(x: np.ndarray) -> np.ndarray:
+        return 0.02 * x[[1, 0]] * [[-1.0], [1.0]] + 0.05 * x
+
+    laws = MaterialSet.paper("separate").tissue_laws()
+    section = ring_mesh(comm, PULLED_LAYERS, None, 2.0)
+    constraints = [
+        Constraint(tags.TIBIA_MEDULLARY),
+        Constraint(tags.SKIN_SURFACE, values=turned),
+    ]
+    problem = Problem(section, {name: laws[name] for name in section.regions}, constraints)
+    stepper = LoadStepper(problem, loads)
+    stepper.run()
+    return stepper
+
+
+def describe_pulled(stepper: LoadStepper) -> dict[str, object]:
+    """Sum the pulled rings up."""
+    problem = stepper.problem
+    torque, other = (problem.reaction(at)[1] for at in (tags.SKIN_SURFACE, tags.TIBIA_MEDULLARY))
+    return {
+        "newton": [step.newton.iterations for step in stepper.steps],
+        "torque": torque,
+        "both": torque + other,
+        "volume": problem.smallest_volume_ratio()[0],
+        "modes": stepper.newton.negative_modes(),
+    }
+
+
 if __name__ == "__main__":
-    result = describe(solved_ring(MPI.COMM_WORLD))
-    if result is not None:
+    result = {
+        "ring": describe(solved_ring(MPI.COMM_WORLD)),
+        "pulled": describe_pulled(pulled_rings(MPI.COMM_WORLD)),
+    }
+    if MPI.COMM_WORLD.rank == 0:
         json.dump(result, sys.stdout)

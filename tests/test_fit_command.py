@@ -11,7 +11,6 @@ import pytest
 from calfsocket.cli import main
 from calfsocket.fit.data import read_test
 from calfsocket.fit.synthetic import EXAMPLES
-from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
 from calfsocket.materials.file import read_material
 
@@ -59,14 +58,14 @@ def test_compression_may_run_downwards_and_repeat_a_stretch(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", ["data.csv: contains no data"]),
-        ("# only a comment\nstretch, stress [kPa]\n", ["data.csv: contains no data"]),
+        ("", ["data.csv: holds no data"]),
+        ("# only a comment\nstretch, stress [kPa]\n", ["data.csv: holds no data"]),
         (f"stretch\n{GOOD}", ["no column of engineering_stress, cauchy_stress, stress"]),
         (f"stress [kPa]\n{GOOD}", ["no column of stretch, strain"]),
         (f"stretch; stress [kPa]\n{GOOD}", ["'stretch; stress [kPa]'", "NAME [UNIT]"]),
         (f"strech, stress [kPa]\n{GOOD}", ["'strech' is unknown", "did you mean 'stretch'"]),
         (f"stretch, stress (kPa)\n{GOOD}", ["'stress (kPa)'", "NAME [UNIT]"]),
-        (f"stretch, stretch\n{GOOD}", ["stretch appears twice"]),
+        (f"stretch, stretch\n{GOOD}", ["stretch is given twice"]),
         (f"stretch, strain, stress [kPa]\n{GOOD}", ["more than one column of stretch, strain"]),
         (f"stretch, stress\n{GOOD}", ["stress: unit '' is unknown", "Pa, kPa", "`stress [kPa]`"]),
         (f"stretch, stress [kpa]\n{GOOD}", ["unit 'kpa' is unknown", "Pa, kPa"]),
@@ -80,15 +79,12 @@ def test_compression_may_run_downwards_and_repeat_a_stretch(tmp_path):
         ("stretch, stress [kPa]\n100, 0\n110, 1\n", ["line 2: the stretch is outside"]),
         ("stretch, stress [kPa]\n1, 0\n1.2, 2\n1.1, 1\n1.3, 3\n", ["line 4: the stretch turns"]),
         ("stretch, stress [kPa]\n1, 0\n1.2, 2\n1.1, 1\n", ["line 4: the stretch turns back"]),
-        (
-            "stretch, stress [kPa]\n1, 0\n0.9, 1\n0.8, 2\n",
-            ["opposite signs", "compression negative"],
-        ),
+        ("stretch, stress [kPa]\n1, 0\n0.9, 1\n0.8, 2\n", ["no work", "compression below 0"]),
         ("stretch, stress [kPa], stress_sd [kPa]\n1, 0, 0\n1.1, 1, 1\n", ["line 2: stress_sd"]),
         ("stretch, stress [kPa], mode\n1, 0, shear\n", ["line 2: mode is unknown", "planar"]),
         (
             "stretch, stress [kPa], mode\n1, 0, uniaxial\n1.1, 1, planar\n",
-            ["line 3: mode changes from uniaxial", "a separate file"],
+            ["line 3: mode changes from uniaxial", "a file of its own"],
         ),
         (f"stretch, stress [kPa]\n{GOOD[:13]}", ["1 stretches other than 1", "at least 4"]),
     ],
@@ -111,15 +107,17 @@ def test_bad_data_gets_one_line_and_exit_code_2(text, says, tmp_path, monkeypatc
     [
         (["none.csv", "--law", "yeoh"], ["none.csv: cannot be read"]),
         (["data.csv"], ["--law"]),
-        (["data.csv", "--law", "yeo"], ["--law: unknown law 'yeo'", "yeoh, ogden, neo-hookean"]),
-        (["data.csv", "--law", "yeoh", "--terms", "4"], ["--terms: is 4", "1 to 3"]),
+        (["data.csv", "--law", "yeo"], ["--law yeo", "yeoh, ogden, neo-hookean"]),
+        (["data.csv", "--law", "yeoh", "--terms", "4"], ["--terms 4", "1 to 3"]),
         (["data.csv", "--law", "yeoh", "--nu", "0.49"], ["--nu", "incompressible"]),
         (["data.csv", "--law", "ogden", "--nu", "0.6"], ["0.6", "0.5"]),
         (["data.csv", "--law", "yeoh", "--mode", "shear"], ["--mode", "planar"]),
         (["data.csv", "--law", "yeoh", "--mode", "planar"], ["says uniaxial", "says planar"]),
-        (["data.csv", "--law", "yeoh", "--stress", "cauchy"], ["says engineering", "says cauchy"]),
+        (
+            ["data.csv", "--law", "yeoh", "--stress", "cauchy"],
+            ["column's name says engineering", "--stress says cauchy"],
+        ),
         (["data.csv", "--law", "yeoh", "--out", "data.csv"], ["--out data.csv", "cannot be"]),
-        (["data.csv", "--law", "yeoh", "--outt", "x"], ["did you mean --out?"]),
     ],
 )
 def test_bad_options_get_one_line_and_exit_code_2(words, says, tmp_path, monkeypatch, capfd):
@@ -149,8 +147,8 @@ def test_the_command_on_the_examples(tmp_path, capfd):
     out = tmp_path / "muscle"
     words = ["fit", *data, "--law", "ogden", "--nu", "0.49", "--out", str(out)]
     assert main(words) == 0
-    output = capfd.readouterr().out
-    assert "SYNTHETIC" in output and "mu1 = 1.9" in output and "stable (Drucker)" in output
+    told = capfd.readouterr().out
+    assert "SYNTHETIC" in told and "mu1 = 1.9" in told and "stable (Drucker)" in told
     names = {"material.toml", "fit.json", "curve.csv", "fit.png", "fit.pdf"}
     assert {path.name for path in out.iterdir()} == names
 
@@ -180,8 +178,8 @@ def test_the_command_on_the_examples(tmp_path, capfd):
 def test_ogden_on_fascia_is_reported_plainly(tmp_path, capfd):
     data = str(REPOSITORY / "examples" / "fascia_uniaxial_synthetic.csv")
     assert main(["fit", data, "--law", "ogden", "--terms", "2", "--out", str(tmp_path / "o")]) == 0
-    output = capfd.readouterr().out
-    assert "note: " in output and "Not determined" in output
+    told = capfd.readouterr().out
+    assert "note: " in told and "Not determined" in told
     assert json.loads((tmp_path / "o" / "fit.json").read_text())["diagnostics"]
     assert main(["fit", data, "--law", "yeoh", "--out", str(tmp_path / "y")]) == 0
     law = read_material(tmp_path / "y" / "material.toml")
@@ -189,11 +187,3 @@ def test_ogden_on_fascia_is_reported_plainly(tmp_path, capfd):
     for name in ("c10", "c20", "c30"):
         half = record["parameters"][name.upper()]["half_width"] * 1e-3
         assert abs(getattr(law, name) - getattr(tissues.FASCIA, name)) < half
-
-
-def test_the_header_must_agree_with_the_option(tmp_path):
-    path = written(tmp_path, f"stretch, cauchy_stress [kPa]\n{GOOD}")
-    with pytest.raises(
-        InputError, match="the column's name says cauchy, but --stress says engineer"
-    ):
-        read_test(path, None, "engineering")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.paper import choices
 from calfsocket.paper.scoreboard import HOLDS, UNCHECKED
 from calfsocket.report import variants
@@ -29,7 +30,11 @@ def study() -> Results:
         cases[key] = result(key, doubled, line, changes=NO_FRICTION)
     key = ("TC@socket-fixed", "separate")
     cases[key] = result(key, *base["TC", "separate"], changes=HELD)
-    return results_of(cases)
+    results = results_of(cases)
+    other = MaterialSet.paper("separate", "tables")  # with another law of fascia, too
+    laws = {"TC@frictionless_separate": other.tissue_laws()}
+    results.run = results.run.model_copy(update={"laws": results.run.laws | laws})
+    return results
 
 
 def test_variants_by_name_the_base_first(study):
@@ -86,6 +91,8 @@ def test_claims_under_each_variant(tables):
     # friction is an input of the study, and is as the variant has it
     assert rows.loc["C044", ["base", "frictionless"]].tolist() == [HOLDS, "does not hold"]
     assert not rows.same["C044"] and rows.same["C023"]
+    # so are its laws: C10 of fascia
+    assert rows.loc["C024", ["base", "frictionless"]].tolist() == [HOLDS, "does not hold"]
     assert rows["socket-fixed"]["C054"] == UNCHECKED
 
 

@@ -11,8 +11,10 @@ import pytest
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS, Quantities
 from calfsocket.postprocess.thresholds import Threshold
+from calfsocket.report.write import write_report
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
+from conftest import write_small_report
 from report_results import contact_on, contact_on_plate, limb, plate, result, write_results
 
 TC, HS = ("TC", "separate"), ("HS", "separate")
@@ -95,6 +97,15 @@ def test_single_results_in_one_folder(tmp_path):
     assert set(results.contact.socket) == {"TC", "HS"} and len(results.steps) == 4
 
 
+def test_a_report_of_single_results_knows_no_paper(tmp_path, solved):
+    """They may have been made of anything; what made them is not in their files."""
+    solved.save(tmp_path / "mine")
+    page = write_small_report(tmp_path) / "report.html"
+    text = page.read_text()
+    assert 'id="scoreboard"' not in text and 'id="laws"' not in text and "run.json" not in text
+    assert 'id="maxima"' in text and "Read with care" not in text
+
+
 def test_cases_of_a_sweep_have_the_names_of_the_base(tmp_path):
     changed = ("TC@friction=0", "separate")
     cases = {TC: plate_result(TC), changed: plate_result(changed, 20, changes={"friction": 0.0})}
@@ -159,5 +170,7 @@ def test_a_folder_without_results_is_refused(tmp_path):
     run = json.loads((tmp_path / "run.json").read_text())
     run["cases"]["TC_separate"] |= {"status": "running"}
     (tmp_path / "run.json").write_text(json.dumps(run))
+    results = load_results(tmp_path)
+    assert len(results) == 0 and results.left_out == {"TC_separate": "not finished"}
     with pytest.raises(InputError, match=r"no case reached its full load .TC_separate: not finish"):
-        load_results(tmp_path)
+        write_report(results)

@@ -57,8 +57,8 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
     law = tmp_path / "fat.toml"
     law.write_text('law = "hencky"\ne = "3 kPa"\nnu = 0.4\n')
     words = ["--size", "coarse", "--sockets", "hs", "--friction", "0.3", "--material", f"fat={law}"]
-    parser = cli._parser("", paper_command)
-    study = paper_command._study(parser.parse_all(words))
+    parser = cli._parser(paper_command.study)
+    study = paper_command.asked_for(parser.parse_all(words))
     assert [case.name for case in study.plan.to_solve] == ["HS_separate", "HS_combined"]
     assert len(study.cases) == 6
     simulation = study.plan.to_solve[0].simulation()
@@ -69,9 +69,9 @@ def test_the_bare_command_runs_that_file_as_its_options_change_it(tmp_path):
 
 
 def test_variants_are_a_sweep_of_named_changes(tmp_path):
-    parser = cli._parser("", paper_command)
+    parser = cli._parser(paper_command.study)
     words = ["--variants", "--sockets", "HS", "--materials", "separate"]
-    study = paper_command._study(parser.parse_all(words))
+    study = paper_command.asked_for(parser.parse_all(words))
     labels = ["", *(f"@{name}" for name in variants())]
     assert [case.name for case in study.plan.to_solve] == [f"HS{x}_separate" for x in labels]
     assert {case.of for case in study.plan.to_solve} == {("HS", "separate")}

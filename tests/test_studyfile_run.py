@@ -157,7 +157,7 @@ def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
     (tmp_path / "run.json").write_text(json.dumps(run))
     from petsc4py import PETSc
 
-    from calfsocket.commands.run import set_options
+    from calfsocket.commands.study import set_options
 
     study = Study.read(tmp_path / "run.json")
     known = PETSc.Options()

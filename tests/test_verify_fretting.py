@@ -72,7 +72,7 @@ def test_body_slides_at_the_limit_both_ways():
 
 def test_after_a_turn_it_sticks_as_at_first():
     """Masing: the slope behind the turn is that of the start, twice the way for the same slip."""
-    there = push(LINE, [0.2, -0.2], 0.2)
+    there = push(replace(LINE, divisions=4.0), [0.2, -0.2], 0.2)
     first = there.tangential[1] / there.way[1]
     back = np.diff(there.tangential)[1:].sum() / np.diff(there.way)[1:].sum()
     assert back == pytest.approx(first, rel=1e-3)

@@ -19,6 +19,7 @@ parameters, and is not a confidence interval.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,39 +49,19 @@ ROUGH_TOLERANCE, TOLERANCE = 1e-2, 1e-4
 
 @dataclass(frozen=True)
 class Fit:
-    """Fitted parameters and how well they are determined.
-
-    Attributes
-    ----------
-    law : Ogden
-        The fitted law.
-    start : Ogden
-        Where the search began.
-    names : tuple of str
-        "mu", "alpha" and, where it was free, "d1".
-    relative_covariance : (k, k)
-        Covariance of the parameters' relative changes, d ln theta.
-    force : (n,)
-        Fitted curve, N/mm.
-    rms : float
-        Root mean square of the residuals, as a share of the largest force.
-    curves : int
-        Curves solved.
-    """
+    """Fitted parameters and how well they are determined."""
 
     law: Ogden
-    start: Ogden
-    names: tuple[str, ...]
-    relative_covariance: FloatArray
-    force: FloatArray
-    rms: float
-    curves: int
+    start: Ogden  #: where the search began
+    names: tuple[str, ...]  #: "mu", "alpha" and, where it was free, "d1"
+    relative_covariance: FloatArray  #: of the parameters' relative changes, d ln theta, (k, k)
+    rms: float  #: root mean square of the residuals, as a share of the largest force
+    curves: int  #: curves solved
 
     @property
     def relative_deviation(self) -> FloatArray:
         """Standard deviation of each parameter, as a share of it."""
-        deviation: FloatArray = np.sqrt(np.diag(self.relative_covariance))
-        return deviation
+        return np.asarray(np.sqrt(np.diag(self.relative_covariance)))
 
     @property
     def alpha_at_limit(self) -> bool:
@@ -91,8 +72,7 @@ class Fit:
     @property
     def correlation(self) -> FloatArray:
         """Correlation of the parameters, (k, k)."""
-        deviation = self.relative_deviation
-        return self.relative_covariance / np.outer(deviation, deviation)
+        return self.relative_covariance / np.outer(self.relative_deviation, self.relative_deviation)
 
 
 def ogden(mu: float, alpha: float, d1: float | None = None) -> Ogden:
@@ -118,11 +98,9 @@ def fit_curve(
     reference : (n,)
         Forces to match, N/mm.
     start : Ogden
-        One term; its D1 counts only where it is free.
-    free_d : bool
-        Whether to fit D1, too.
-    on_curve : callable, optional
-        Called with each law tried and its root mean square residual.
+        One term; its D1 counts only where it is fitted, too (`free_d`).
+    free_d, on_curve
+        `on_curve` is called with each law tried and its root mean square residual.
 
     Raises
     ------
@@ -159,31 +137,21 @@ def fit_curve(
     limits = np.array([[-np.inf, np.inf], [SMALLEST_ALPHA, LARGEST_ALPHA], [-np.inf, np.inf]])
     limits[1] /= ALPHA_SCALE
 
-    def search(
-        first: FloatArray, residuals: Callable[..., Any], jac: Callable[..., Any], tolerance: float
-    ) -> Any:
-        return least_squares(
-            residuals,
-            first,
-            jac=jac,
-            bounds=limits[:k].T,
-            x_scale="jac",
-            xtol=tolerance,
-            ftol=tolerance,
-        )
-
+    search = partial(least_squares, bounds=limits[:k].T, x_scale="jac")
     try:
         rough = search(
-            _scaled(start)[:k],
             lambda scaled: np.log(force(scaled) / reference),
+            _scaled(start)[:k],
             lambda scaled: jacobian(scaled) / force(scaled)[:, None],
-            ROUGH_TOLERANCE,
+            xtol=ROUGH_TOLERANCE,
+            ftol=ROUGH_TOLERANCE,
         )
         result = search(
-            rough.x,
             lambda scaled: (force(scaled) - reference) / largest,
+            rough.x,
             lambda scaled: jacobian(scaled) / largest,
-            TOLERANCE,
+            xtol=TOLERANCE,
+            ftol=TOLERANCE,
         )
     except ValueError as error:
         raise InputError(
@@ -198,16 +166,13 @@ def fit_curve(
         start=start,
         names=names,
         relative_covariance=covariance,
-        force=reference + largest * r,
         rms=_rms(r),
         curves=len(solved),
     )
 
 
 def _scaled(law: Ogden) -> FloatArray:
-    return np.array(
-        [np.log(law.mu[0]), law.alpha[0] / ALPHA_SCALE, np.log(law.d1)], dtype=np.float64
-    )
+    return np.array([np.log(law.mu[0]), law.alpha[0] / ALPHA_SCALE, np.log(law.d1)])
 
 
 def _law(scaled: FloatArray) -> Ogden:

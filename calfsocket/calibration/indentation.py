@@ -1,6 +1,7 @@
 """The indentation test: a plate pressed into a specimen, and its force over its displacement."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,65 +25,29 @@ STEPS = LoadSteps(first=1.0, largest=1.0, smallest=1 / 32, cutback=0.5)
 
 @dataclass(frozen=True)
 class Curve:
-    """Force over displacement of the plate, and how it was found.
+    """Force over displacement of the plate, and how it was found."""
 
-    Attributes
-    ----------
-    displacement : (n,)
-        Way of the plate, mm.
-    force : (n,)
-        Force with which it presses, N per mm of limb length.
-    varied_force : (m, n)
-        Force with each of m neighbouring laws, N/mm.
-    negative_modes : (n,)
-        Negative modes of each equilibrium; not 0 where it is unstable.
-    newton_iterations, cutbacks : int
-        Over the whole curve.
-    """
-
-    displacement: FloatArray
-    force: FloatArray
-    varied_force: FloatArray
-    negative_modes: NDArray[np.int64]
-    newton_iterations: int
+    displacement: FloatArray  #: way of the plate, mm, (n,)
+    force: FloatArray  #: with which it presses, N per mm of limb length, (n,)
+    varied_force: FloatArray  #: with each of m neighbouring laws, N/mm, (m, n)
+    negative_modes: NDArray[np.int64]  #: of each equilibrium, (n,); not 0 where it is unstable
+    newton_iterations: int  #: over the whole curve
     cutbacks: int
 
 
+@dataclass
 class _Variation:
-    """The path of neighbouring laws beside that of the laws at hand.
+    """The path of neighbouring laws beside that of the laws at hand."""
 
-    Attributes
-    ----------
-    laws : mapping of region name to law
-        As for `Problem.set_laws`.
-    arc : (n,), optional
-        Its own `ContactInterface.converged_arc`; the common one before the first step.
-    force : float
-        At the present displacement, N/mm.
-    """
-
-    def __init__(self, laws: Mapping[str, Law]) -> None:
-        self.laws = laws
-        self.arc: FloatArray | None = None
-        self.force = 0.0
+    laws: Mapping[str, Law]  #: by region
+    arc: FloatArray | None = None  #: its own `Problem.slip_history`, (n,), from the first step on
+    force: float = 0.0  #: at the present displacement, N/mm
 
 
 class Indentation:
-    """A specimen with its laws, ready to be pressed again and again.
+    """A specimen with laws by tissue, "socket" the plate's, to be pressed again and again.
 
-    Parameters
-    ----------
-    specimen : Specimen
-        Tissues and plate.
-    laws : mapping of tissue name to law
-        "socket" is the plate's.
-    contact : Contact
-        Friction and Nitsche stiffness.
-
-    Attributes
-    ----------
-    problem : Problem
-        In the state of the last point.
+    `problem` is in the state of the last point.
     """
 
     def __init__(self, specimen: Specimen, laws: Mapping[str, Law], contact: Contact) -> None:
@@ -106,29 +71,24 @@ class Indentation:
         count_modes: bool = False,
         variations: Sequence[Mapping[str, Law]] = (),
     ) -> Curve:
-        """Press from the unloaded state to these displacements, mm, one after the other.
+        """Press from the unloaded state to these displacements, mm, increasing, > 0.
 
         Newton's method starts from the state that other laws had at the same displacement, if
         there is one. What counts for friction is the path of these laws alone, so that a curve
         depends on earlier ones only within the solver's tolerance.
 
-        Parameters
-        ----------
-        displacements : (n,)
-            Increasing, > 0.
-        count_modes : bool
-            Whether to count negative modes; -1 stands for those not counted.
-        variations : sequence of mappings of tissue name to law
-            Laws close to those at hand. Their equilibria come from one Newton step each, with the
-            factorised tangent of these laws: exact to second order in what is varied, friction's
-            path included.
+        Negative modes that are not counted are -1. Equilibria of `variations`, laws by tissue close
+        to those at hand, come from one Newton step each, with the factorised tangent of these laws:
+        exact to second order in what is varied, friction's path included.
 
         Raises
         ------
         SolveError
             Where there is no equilibrium on the way.
         """
-        self._release()
+        self._motion.x.set(0.0)
+        self._motion.stepper.steps.clear()
+        self._cutbacks = 0
         self._variations = [_Variation(self._by_region(laws)) for laws in variations]
         force, varied, modes = [], [], []
         reached = 0.0
@@ -151,21 +111,13 @@ class Indentation:
     def _by_region(self, laws: Mapping[str, Law]) -> dict[str, Law]:
         return {region: laws[tissue] for region, tissue in self.specimen.tissues.items()}
 
-    def _release(self) -> None:
-        self._motion.x.set(0.0)
-        self._motion.stepper.steps.clear()
-        self._cutbacks = 0
-
     def _press(self, way: float, start: PETSc.Vec | None) -> None:
         """Move the plate on, where there is a start from it, or else from the present state."""
         dx, dy = self.specimen.direction
         move = [tags.SOCKET], 0.0, (way * dx, way * dy)
         if start is not None:
-            try:
+            with suppress(ConvergenceError):
                 self._motion.step(*move, start)
-            except ConvergenceError:
-                pass
-            else:
                 return
         stepper = self._motion.stepper
         before = len(stepper.steps)

@@ -20,44 +20,27 @@ from calfsocket.meshes.plate import Plate
 FloatArray = NDArray[np.float64]
 
 
-class Start(Strict):
-    """Where a search began."""
+class Parameters(Strict):
+    """Ogden's parameters of one term, such as those where a search began."""
 
     mu_kPa: float
     alpha: float
 
 
-class CombinedLaw(Strict):
+class CombinedLaw(Parameters):
     """Ogden's law of one term for muscle and fascia."""
 
-    mu_kPa: float
-    alpha: float
     d1_per_MPa: float
 
 
 class FittedLaw(CombinedLaw):
-    """The law fitted, and how well it is determined.
+    """The law fitted, and how well it is determined."""
 
-    Attributes
-    ----------
-    start : Start
-        Where the search began.
-    alpha_at_limit : bool
-        Whether alpha is at a limit of its range.
-    rms_share_of_largest_force : float
-        Root mean square difference to Separate's curve.
-    parameters : tuple of str
-        What was free: mu, alpha and perhaps d1.
-    relative_covariance, correlation : (k, k)
-        Of the parameters' relative changes.
-    curves_solved : int
-        In this search.
-    """
-
-    start: Start
-    alpha_at_limit: bool
-    rms_share_of_largest_force: float
-    parameters: tuple[str, ...]
+    start: Parameters
+    alpha_at_limit: bool  #: whether alpha ended at an end of its range
+    rms_share_of_largest_force: float  #: of the difference to Separate's curve
+    parameters: tuple[str, ...]  #: what was free: mu, alpha and perhaps d1
+    #: Of the parameters' relative changes, (k, k).
     relative_covariance: tuple[tuple[float, ...], ...] = Field(min_length=2)
     correlation: tuple[tuple[float, ...], ...]
     curves_solved: int
@@ -117,13 +100,7 @@ class CalibrationRecord(Strict):
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read calibration.json.
-
-        Raises
-        ------
-        InputError
-            When it cannot be used.
-        """
+        """Read calibration.json; raise an `InputError` when it cannot be used."""
         return read_json(folder / RESULT_FILE, cls)
 
 
@@ -143,13 +120,7 @@ def write_curves(folder: Path, displacement: FloatArray, force: Mapping[str, Flo
 
 
 def read_curves(folder: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Read curves.csv: displacement, mm, and force by curve, N per metre of limb.
-
-    Raises
-    ------
-    InputError
-        When it cannot be used.
-    """
+    """Read curves.csv as `write_curves` wrote it; raise an `InputError` when it cannot be used."""
     path = folder / CURVES_FILE
     try:
         table = pd.read_csv(path)
@@ -161,7 +132,7 @@ def read_curves(folder: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
             raise InputError(f"{path}: has no column '{name}'; calibrate again")
         numeric = pd.api.types.is_numeric_dtype(table[name])
         if table.empty or not numeric or not (table[name] > 0).all():
-            raise InputError(f"{path}: column '{name}' must contain only numbers above 0")
+            raise InputError(f"{path}: column '{name}' holds other than numbers above 0")
         return table[name].to_numpy()
 
     return column("displacement_mm"), {name: column(f"{name}_N_per_m") for name in LABELS}

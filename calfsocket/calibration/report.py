@@ -1,22 +1,15 @@
 """A calibration written to its folder, and as tables for people."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
-from calfsocket.calibration.fit import NU, Fit, FloatArray
+from calfsocket.calibration.fit import NU, Fit
 from calfsocket.calibration.names import FITTED, IGNORED, LABELS, TABLE1
-from calfsocket.calibration.record import (
-    CalibrationRecord,
-    CombinedLaw,
-    CurveChecks,
-    FittedLaw,
-    Inputs,
-    Start,
-    write_curves,
-)
+from calfsocket.calibration.record import CalibrationRecord, write_curves
 from calfsocket.calibration.run import Calibration, Settings, separate_laws
 from calfsocket.calibration.specimen import LIMB_PLATE
 from calfsocket.materials.file import write_material
@@ -51,34 +44,36 @@ def record(calibration: Calibration, settings: Settings) -> CalibrationRecord:
     on_compound = settings.specimen == "compound"
     geometry = settings.compound if on_compound else settings.limb
     separate = separate_laws(settings)
-    return CalibrationRecord(
-        inputs=Inputs(
-            specimen=settings.specimen,
-            geometry=geometry.model_dump(mode="json"),
-            plate=settings.compound.plate if on_compound else LIMB_PLATE,
-            size=settings.size,
-            cells=specimen.section.mesh.topology.index_map(2).size_global,
-            stroke_mm=specimen.stroke,
-            points=settings.points,
-            contact=settings.contact.model_dump(),
-            free_d=settings.free_d,
-            nu=None if settings.free_d else NU,
-            laws={tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
-        ),
-        fits=tuple(map(_fitted, calibration.fits)),
-        table1=CombinedLaw(**_parameters(MUSCLE_AND_FASCIA)),
-        deviation_from_separate={
-            name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
-        },
-        ordering=calibration.ordering(),
-        curves={
-            name: CurveChecks(
-                negative_modes=tuple(map(int, curve.negative_modes)),
-                newton_iterations=curve.newton_iterations,
-                cutbacks=curve.cutbacks,
-            )
-            for name, curve in calibration.curves.items()
-        },
+    return CalibrationRecord.model_validate(
+        {
+            "inputs": {
+                "specimen": settings.specimen,
+                "size": settings.size,
+                "points": settings.points,
+                "free_d": settings.free_d,
+                "geometry": geometry.model_dump(mode="json"),
+                "plate": settings.compound.plate if on_compound else LIMB_PLATE,
+                "cells": specimen.section.mesh.topology.index_map(2).size_global,
+                "stroke_mm": specimen.stroke,
+                "contact": settings.contact.model_dump(),
+                "nu": None if settings.free_d else NU,
+                "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
+            },
+            "fits": [_fitted(fit) for fit in calibration.fits],
+            "table1": _parameters(MUSCLE_AND_FASCIA),
+            "deviation_from_separate": {
+                name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
+            },
+            "ordering": calibration.ordering(),
+            "curves": {
+                name: {
+                    "negative_modes": curve.negative_modes.tolist(),
+                    "newton_iterations": curve.newton_iterations,
+                    "cutbacks": curve.cutbacks,
+                }
+                for name, curve in calibration.curves.items()
+            },
+        }
     )
 
 
@@ -86,21 +81,17 @@ def _parameters(law: Ogden) -> dict[str, float]:
     return {"mu_kPa": law.mu[0] / KPA, "alpha": law.alpha[0], "d1_per_MPa": law.d1}
 
 
-def _rows(matrix: FloatArray) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(map(float, row)) for row in matrix)
-
-
-def _fitted(fit: Fit) -> FittedLaw:
-    return FittedLaw(
+def _fitted(fit: Fit) -> dict[str, Any]:
+    return {
         **_parameters(fit.law),
-        start=Start(mu_kPa=fit.start.mu[0] / KPA, alpha=fit.start.alpha[0]),
-        alpha_at_limit=fit.alpha_at_limit,
-        rms_share_of_largest_force=fit.rms,
-        parameters=fit.names,
-        relative_covariance=_rows(fit.relative_covariance),
-        correlation=_rows(fit.correlation),
-        curves_solved=fit.curves,
-    )
+        "start": {"mu_kPa": fit.start.mu[0] / KPA, "alpha": fit.start.alpha[0]},
+        "alpha_at_limit": fit.alpha_at_limit,
+        "rms_share_of_largest_force": fit.rms,
+        "parameters": fit.names,
+        "relative_covariance": fit.relative_covariance.tolist(),
+        "correlation": fit.correlation.tolist(),
+        "curves_solved": fit.curves,
+    }
 
 
 def show(calibration: Calibration, console: Console) -> None:
@@ -129,13 +120,9 @@ def show(calibration: Calibration, console: Console) -> None:
 
 def _print(console: Console, title: str, frame: pd.DataFrame) -> None:
     """Print a table whose last row is set apart."""
-    table = Table(title=title)
-    for column in frame:
-        table.add_column(str(column), justify="right")
-    for row in frame.to_numpy()[:-1]:
-        table.add_row(*row)
-    table.add_section()
-    table.add_row(*frame.to_numpy()[-1])
+    table = Table(*(Column(str(column), justify="right") for column in frame), title=title)
+    for number, row in enumerate(frame.to_numpy(), 2):
+        table.add_row(*row, end_section=number == len(frame))
     console.print(table)
 
 

@@ -24,8 +24,6 @@ from calfsocket.meshes.sizing import named_size
 from calfsocket.postprocess.extract import section_fields
 from calfsocket.postprocess.fields import SectionFields
 
-SpecimenName = Literal["compound", "limb"]
-
 STARTS = (ogden(5e-3, 5.0), ogden(30e-3, 25.0))
 """Where searches begin, on either side of any combined material of muscle and fascia."""
 
@@ -35,43 +33,19 @@ NAMES = {SEPARATE: "Separate", FITTED: "Combined (fitted)", TABLE1: "Combined (T
 
 @dataclass(frozen=True)
 class Settings:
-    """What a calibration depends on.
-
-    Attributes
-    ----------
-    specimen : str
-        "compound" or "limb".
-    compound, limb
-        Geometry of the two.
-    size : str
-        Mesh size: "coarse", "medium" or "paper".
-    fascia_c10 : str
-        "printed" or "tables" (`tissues.FASCIA_C10`).
-    materials : mapping of tissue name to law
-        Laws of the Separate set in the place of Table 1's.
-    contact : Contact
-        Friction and Nitsche stiffness.
-    stroke : float, optional
-        Way of the plate, mm; the specimen's own otherwise.
-    points : int
-        Points of the curves.
-    starts : tuple of Ogden
-        Where searches begin; the best result counts.
-    free_d : bool
-        Whether D1 is fitted, too, instead of following from nu = 0.495.
-    """
+    """What a calibration depends on."""
 
     compound: Compound
     limb: Limb
-    specimen: SpecimenName = "compound"
-    size: str = "coarse"
+    specimen: Literal["compound", "limb"] = "compound"
+    size: str = "coarse"  #: of the mesh
     fascia_c10: FasciaC10 = "printed"
-    materials: Mapping[str, Law] | None = None
+    materials: Mapping[str, Law] = field(default_factory=dict)  #: in the place of Table 1's laws
     contact: Contact = field(default_factory=Contact)
-    stroke: float | None = None
-    points: int = 8
-    starts: tuple[Ogden, ...] = STARTS
-    free_d: bool = False
+    stroke: float | None = None  #: way of the plate, mm; the specimen's own otherwise
+    points: int = 8  #: of each curve
+    starts: tuple[Ogden, ...] = STARTS  #: of searches; the best result counts
+    free_d: bool = False  #: whether D1 is fitted, too, instead of following from nu = 0.495
 
     def __post_init__(self) -> None:
         needed = 4 if self.free_d else 3
@@ -83,22 +57,12 @@ class Settings:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Results of a calibration.
-
-    Attributes
-    ----------
-    curves : dict of str to Curve
-        Of `SEPARATE`, `FITTED`, `TABLE1` and `IGNORED`.
-    fits : tuple of Fit
-        One a start, the best first.
-    fields : SectionFields or None
-        Separate's state at the full stroke, on rank 0.
-    """
+    """Results of a calibration."""
 
     specimen: Specimen
-    curves: dict[str, Curve]
-    fits: tuple[Fit, ...]
-    fields: SectionFields | None
+    curves: dict[str, Curve]  #: `SEPARATE`, `FITTED`, `TABLE1` and `IGNORED`
+    fits: tuple[Fit, ...]  #: one a start, the best first
+    fields: SectionFields | None  #: Separate's state at the full stroke, on rank 0
 
     @property
     def law(self) -> Ogden:
@@ -123,16 +87,17 @@ class Calibration:
         """Return which of the paper's observations (section 4) hold here."""
         ignored = self.curves[IGNORED].force
         softer = {
-            f"ignoring fascia is softer than {NAMES[name]}": bool(
+            f"ignoring fascia is softer than {title}": bool(
                 np.all(ignored < self.curves[name].force)
             )
-            for name in (SEPARATE, FITTED, TABLE1)
+            for name, title in NAMES.items()
         }
         further = {
-            f"ignoring fascia is further from Separate than {NAMES[name]}": (
+            f"ignoring fascia is further from Separate than {title}": (
                 self.deviation(IGNORED) > self.deviation(name)
             )
-            for name in (FITTED, TABLE1)
+            for name, title in NAMES.items()
+            if name != SEPARATE
         }
         return softer | further
 
@@ -140,24 +105,20 @@ class Calibration:
 def separate_laws(settings: Settings) -> dict[str, Law]:
     """Laws of the separate materials, by tissue."""
     paper = MaterialSet.paper("separate", settings.fascia_c10)
-    return paper.replace_known(settings.materials or {}).tissue_laws()
+    return paper.replace_known(settings.materials).tissue_laws()
 
 
 def calibrate(
     comm: MPI.Comm, settings: Settings, on_line: Callable[[str], None] = lambda text: None
 ) -> Calibration:
-    """Solve all curves and fit the combined law (collective).
-
-    Parameters
-    ----------
-    comm : MPI.Comm
-        Ranks that solve together.
-    settings : Settings
-        What to solve.
-    on_line : callable
-        Called with a line for each curve.
-    """
-    specimen = _specimen(comm, settings)
+    """Solve all curves and fit the combined law (collective); `on_line` gets a line for each."""
+    size = named_size(settings.size)
+    if settings.specimen == "compound":
+        specimen = compound_specimen(comm, settings.compound, size)
+    else:
+        specimen = limb_specimen(comm, settings.limb, size)
+    if settings.stroke is not None:
+        specimen = replace(specimen, stroke=settings.stroke)
     displacements = specimen.stroke / settings.points * np.arange(1.0, settings.points + 1)
     separate = separate_laws(settings)
     curves = {}
@@ -175,7 +136,7 @@ def calibrate(
     def combined(law: Law) -> dict[str, Law]:
         return separate | {"muscle": law, "fascia": law}
 
-    table1 = MaterialSet.paper("combined").replace_known(settings.materials or {}).laws["combined"]
+    table1 = MaterialSet.paper("combined").replace_known(settings.materials).laws["combined"]
     test = press(TABLE1, combined(table1))
 
     def curve_of(law: Ogden, neighbours: Sequence[Ogden]) -> Curve:
@@ -195,14 +156,3 @@ def calibrate(
     test.set_laws(combined(fits[0].law))
     curves[FITTED] = test.curve(displacements, count_modes=True)
     return Calibration(specimen, curves, tuple(fits), fields)
-
-
-def _specimen(comm: MPI.Comm, settings: Settings) -> Specimen:
-    size = named_size(settings.size)
-    if settings.specimen == "compound":
-        specimen = compound_specimen(comm, settings.compound, size)
-    else:
-        specimen = limb_specimen(comm, settings.limb, size)
-    if settings.stroke is None:
-        return specimen
-    return replace(specimen, stroke=settings.stroke)

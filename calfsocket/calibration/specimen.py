@@ -21,46 +21,24 @@ LIMB_STROKE = 8.0
 
 @dataclass(frozen=True)
 class Specimen:
-    """A piece of tissue and the plate that presses it.
+    """A piece of tissue and the plate that presses it."""
 
-    Attributes
-    ----------
-    name : str
-        "compound" or "limb".
-    section : SectionMesh
-        Tissues and plate (region "socket"), which touch in a point or a line.
-    tissues : dict of str to str
-        Tissue of each region.
-    direction : (2,)
-        Unit vector of the plate's way into the tissue.
-    stroke : float
-        Length of that way, mm.
-    """
-
-    name: str
+    name: str  #: "compound" or "limb"
     section: SectionMesh
-    tissues: dict[str, str]
-    direction: tuple[float, float]
-    stroke: float
+    """Tissues and plate (region "socket"), which touch in a point or a line."""
+    tissues: dict[str, str]  #: tissue of each region
+    direction: tuple[float, float]  #: unit vector of the plate's way into the tissue
+    stroke: float  #: length of that way, mm
 
 
 def compound_specimen(comm: MPI.Comm, compound: Compound, size: MeshSize) -> Specimen:
     """Mesh a compound, pressed from above (collective)."""
-    return Specimen(
-        "compound",
-        compound_mesh(comm, compound, size),
-        compound.tissues,
-        (0.0, -1.0),
-        compound.stroke,
-    )
+    section = compound_mesh(comm, compound, size)
+    return Specimen("compound", section, compound.tissues, (0.0, -1.0), compound.stroke)
 
 
 def limb_specimen(comm: MPI.Comm, limb: Limb, size: MeshSize) -> Specimen:
     """Mesh a limb, pressed from behind while its tibia is constrained (collective)."""
-    return Specimen(
-        "limb",
-        plated_limb_mesh(comm, limb, LIMB_PLATE, size),
-        limb.tissues | {tags.SOCKET: tags.SOCKET},
-        (0.0, 1.0),
-        LIMB_STROKE,
-    )
+    section = plated_limb_mesh(comm, limb, LIMB_PLATE, size)
+    tissues = limb.tissues | {tags.SOCKET: tags.SOCKET}
+    return Specimen("limb", section, tissues, (0.0, 1.0), LIMB_STROKE)

@@ -1,11 +1,16 @@
-"""What a person can ask for: one module a command, `study` being what runs without one.
+"""What a person can ask for: functions that `command` makes commands of.
 
 The modules are imported for their help alone, which should not wait for MPI and dolfinx: heavy
 imports stand in the functions that need them.
 """
 
 import argparse
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -13,39 +18,68 @@ if TYPE_CHECKING:
 OK, CASE_FAILED, BAD_INPUT = 0, 1, 2
 """Exit codes."""
 
-
-class Command(Protocol):
-    """What each module has.
-
-    Attributes
-    ----------
-    DESCRIPTION, EPILOG : str
-        Its help before and after the options.
-    """
-
-    DESCRIPTION: str
-    EPILOG: str
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add the options."""
-
-    def run(self, comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-        """Do it (collective); return the exit code.
-
-        Raises
-        ------
-        InputError
-            On all ranks, when the input cannot be used.
-        """
+Comm: TypeAlias = "MPI.Intracomm"
+Work: TypeAlias = Callable[[Comm, argparse.Namespace], int | None]
+Option: TypeAlias = "Callable[[argparse._ActionsContainer], object]"
 
 
-class NamedCommand(Command, Protocol):
-    """What a command that is called by its name has besides.
+@dataclass(frozen=True)
+class Command:
+    """A command.
 
     Attributes
     ----------
-    HELP : str
-        Its line in the list of commands.
+    run : callable
+        Does the work (collective); returns the exit code, or None for `OK`. It raises `InputError`
+        on all ranks when the input cannot be used.
+    name, help : str
+        Its name, and its line in the list of commands.
+    description, epilog : str
+        What its help says before and after the options.
+    options : tuple of callable
+        Each adds an option, or a group of them, to a parser.
     """
 
-    HELP: str
+    run: Work
+    name: str
+    help: str
+    description: str
+    epilog: str
+    options: tuple[Option, ...]
+
+
+def command(*options: Option, description: str = "", epilog: str = "") -> Callable[[Work], Command]:
+    """Make a function a command of its name, whose docstring is its line in the list."""
+
+    def made(work: Work) -> Command:
+        line = work.__doc__ or ""
+        listed = line[:1].lower() + line[1:].removesuffix(".")
+        return Command(work, work.__name__, listed, description or line, epilog, options)
+
+    return made
+
+
+def first_rank(task: Callable[[argparse.Namespace], object]) -> Work:
+    """Make the work of a command of a task for rank 0 alone."""
+
+    @wraps(task)
+    def work(comm: Comm, arguments: argparse.Namespace) -> None:
+        on_first_rank(comm, lambda: task(arguments))
+
+    return work
+
+
+def option(*names: str, **settings: Any) -> Option:
+    """Return an option; names and settings are those of `argparse`."""
+    return lambda parser: parser.add_argument(*names, **settings)
+
+
+def group(title: str, *options: Option) -> Option:
+    """Return options under a title of their own."""
+
+    def add(parser: "argparse._ActionsContainer") -> None:
+        titled = parser.add_argument_group(title)
+        for each in options:
+            each(titled)
+
+    return add

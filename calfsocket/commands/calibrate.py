@@ -1,84 +1,78 @@
 """The command ``calibrate``: one law for muscle and fascia from an indentation test."""
 
-import argparse
+from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands import OK, options
+from calfsocket.commands import Comm, command, group, option, options
 from calfsocket.io.errors import InputError
 from calfsocket.parallel.first_rank import on_first_rank
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from calfsocket.materials.laws import Ogden
 
-HELP = "fit the combined material of muscle and fascia"
 
-DESCRIPTION = """\
+@command(
+    group(
+        "what to press",
+        option(
+            "--specimen",
+            default="compound",
+            choices=("compound", "limb"),
+            help="default: %(default)s",
+        ),
+        option(
+            "--compound",
+            type=Path,
+            metavar="FILE",
+            help="dimensions, in the format of meshes/compound.json",
+        ),
+        option("--stroke", type=float, metavar="MM", help="default: the specimen's own"),
+        options.size("coarse"),
+        options.FASCIA_C10,
+        options.material(),
+        options.FRICTION,
+    ),
+    group(
+        "how to fit",
+        option(
+            "--points",
+            type=int,
+            default=8,
+            metavar="N",
+            help="points on each curve (default: %(default)s)",
+        ),
+        option(
+            "--start",
+            action="append",
+            default=[],
+            metavar="KPA,ALPHA",
+            help="start of the search; may be repeated (default: 5,5 and 30,25)",
+        ),
+        option("--free-d", action="store_true", help="also fit D1 instead of taking nu = 0.495"),
+        option(
+            "--out",
+            type=Path,
+            default=Path("results/calibration"),
+            metavar="DIR",
+            help="default: %(default)s, where the report of results/ looks for it",
+        ),
+    ),
+    description="""\
 Find the combined material of muscle and fascia: press a specimen with a flat plate, and fit
 Ogden's mu and alpha to the force-displacement curve of the separate materials.
-"""
-
-EPILOG = """\
+""",
+    epilog="""\
 examples:
   python3 -m calfsocket calibrate                   a compound of layers and compartments
   python3 -m calfsocket calibrate --specimen limb   the limb's own section, which takes longer
   python3 -m calfsocket --material combined=results/calibration/combined.toml
 
 results: curves.csv, calibration.json, combined.toml, figure3.png, figure3.pdf
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    what = parser.add_argument_group("what to press")
-    what.add_argument(
-        "--specimen",
-        default="compound",
-        choices=("compound", "limb"),
-        help="default: %(default)s",
-    )
-    what.add_argument(
-        "--compound",
-        type=Path,
-        metavar="FILE",
-        help="dimensions, in the format of meshes/compound.json",
-    )
-    what.add_argument("--stroke", type=float, metavar="MM", help="default: the specimen's own")
-    options.add_size(what, default="coarse")
-    options.add_fascia_c10(what)
-    options.add_material(what)
-    options.add_friction(what)
-    how = parser.add_argument_group("how to fit")
-    how.add_argument(
-        "--points",
-        type=int,
-        default=8,
-        metavar="N",
-        help="points on each curve (default: %(default)s)",
-    )
-    how.add_argument(
-        "--start",
-        action="append",
-        default=[],
-        metavar="KPA,ALPHA",
-        help="start of the search; may be repeated (default: 5,5 and 30,25)",
-    )
-    how.add_argument(
-        "--free-d", action="store_true", help="also fit D1 instead of taking nu = 0.495"
-    )
-    how.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results/calibration"),
-        metavar="DIR",
-        help="default: %(default)s, where the report of results/ looks for it",
-    )
-
-
-def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-    """Press, fit, and write curves, material and Figure 3."""
+""",
+)
+def calibrate(comm: Comm, arguments: Namespace) -> None:
+    """Fit the combined material of muscle and fascia."""
     from rich.console import Console
 
     from calfsocket.calibration import report
@@ -115,7 +109,6 @@ def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
         report.write(calibration, settings, arguments.out)
         figure3.draw(calibration, arguments.out)
         report.show(calibration, Console())
-    return OK
 
 
 def _start(word: str) -> "Ogden":

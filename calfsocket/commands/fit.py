@@ -1,19 +1,44 @@
 """The command ``fit``: a law from stress-stretch data, and the files that it is written to."""
 
-import argparse
+from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from calfsocket.commands import OK
+from calfsocket.commands import command, first_rank, option
 from calfsocket.io.errors import InputError
-from calfsocket.parallel.first_rank import on_first_rank
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
-HELP = "fit a law to stress-stretch data"
-
-DESCRIPTION = """\
+@command(
+    option("data", type=Path, nargs="+", metavar="DATA.csv", help="a file for each test"),
+    option("--law", required=True, metavar="LAW", help="yeoh, ogden or neo-hookean"),
+    option(
+        "--terms",
+        type=int,
+        metavar="N",
+        help="terms of the law, 1 to 3 (default: yeoh 3, ogden 1)",
+    ),
+    option(
+        "--mode",
+        choices=("uniaxial", "equibiaxial", "planar"),
+        help="kind of test, unless the file has a column `mode` (default: uniaxial)",
+    ),
+    option(
+        "--stress",
+        choices=("engineering", "cauchy"),
+        help="meaning of a column `stress` (default: engineering)",
+    ),
+    option(
+        "--nu",
+        type=float,
+        metavar="NU",
+        help="Poisson's ratio from which Ogden's D1 follows; 0.5: incompressible (default: 0.495)",
+    ),
+    option(
+        "--free-signs",
+        action="store_true",
+        help="allow negative coefficients; the law may then be unstable, which is checked",
+    ),
+    option("--out", type=Path, default=Path("fit"), metavar="DIR", help="default: %(default)s"),
+    description="""\
 Fit a law to stress-stretch data (section 2.2 of the paper).
 
 DATA is a CSV file of one test with units in its header:
@@ -29,9 +54,8 @@ are fitted together. The material is taken as incompressible.
 
 Coefficients stay at 0 or above, where the law is stable at every strain. Searches start from many
 exponents; the fit reports what the data do not determine.
-"""
-
-EPILOG = """\
+""",
+    epilog="""\
 examples:
   python3 -m calfsocket fit examples/fascia_uniaxial_synthetic.csv --law yeoh
   python3 -m calfsocket fit examples/muscle_*_synthetic.csv --law ogden --out muscle
@@ -42,54 +66,11 @@ results:
   fit.json       parameters, covariance, other minima, stability, data and versions
   curve.csv      data, fit and residual of every point
   fit.png, .pdf  the figure
-"""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    parser.add_argument(
-        "data", type=Path, nargs="+", metavar="DATA.csv", help="a file for each test"
-    )
-    parser.add_argument("--law", required=True, metavar="LAW", help="yeoh, ogden or neo-hookean")
-    parser.add_argument(
-        "--terms",
-        type=int,
-        metavar="N",
-        help="terms of the law, 1 to 3 (default: yeoh 3, ogden 1)",
-    )
-    parser.add_argument(
-        "--mode",
-        choices=("uniaxial", "equibiaxial", "planar"),
-        help="kind of test, unless the file has a column `mode` (default: uniaxial)",
-    )
-    parser.add_argument(
-        "--stress",
-        choices=("engineering", "cauchy"),
-        help="meaning of a column `stress` (default: engineering)",
-    )
-    parser.add_argument(
-        "--nu",
-        type=float,
-        metavar="NU",
-        help="Poisson's ratio from which Ogden's D1 follows; 0.5: incompressible (default: 0.495)",
-    )
-    parser.add_argument(
-        "--free-signs",
-        action="store_true",
-        help="allow negative coefficients; the law may then be unstable, which is checked",
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("fit"), metavar="DIR", help="default: %(default)s"
-    )
-
-
-def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-    """Fit, write the files, and print the result."""
-    on_first_rank(comm, lambda: _fit(arguments))
-    return OK
-
-
-def _fit(arguments: argparse.Namespace) -> None:
+""",
+)
+@first_rank
+def fit(arguments: Namespace) -> None:
+    """Fit a law to stress-stretch data."""
     from calfsocket.fit import figure, tables
     from calfsocket.fit.data import read_test
     from calfsocket.fit.diagnostics import diagnostics
@@ -103,7 +84,7 @@ def _fit(arguments: argparse.Namespace) -> None:
     law = arguments.law
     terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1
     if law == "yeoh" and arguments.nu is not None:
-        raise InputError("--nu: Yeoh's law is incompressible; omit it")
+        raise InputError("--nu: Yeoh's law is incompressible; leave it out")
     nu = 0.495 if arguments.nu is None else arguments.nu
     chosen = family(law, terms)
     tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]

@@ -1,44 +1,39 @@
-"""The command ``report``: tables, figures and page of a study made again."""
+"""Commands on solved studies: ``report`` and ``picture``."""
 
-import argparse
+from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands import OK
-from calfsocket.parallel.first_rank import on_first_rank
+from calfsocket.commands import command, first_rank, group, option
+from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from calfsocket.report.damage import DamageThresholds
 
-HELP = "make tables, figures and page of a solved study"
-DESCRIPTION = """\
+
+@command(
+    option("folder", type=Path, metavar="FOLDER", help="e.g. results"),
+    group(
+        "damage thresholds, % (default: those of the literature)",
+        option(
+            "--muscle-shear", type=float, default=50.0, metavar="PCT", help="default: %(default)g"
+        ),
+        option(
+            "--fascia-strain", type=float, default=27.0, metavar="PCT", help="default: %(default)g"
+        ),
+    ),
+    description="""\
 Write tables, figures, the scoreboard and report.html of a study, from its files alone; a study that
 is not complete gets what it allows.
-"""
-EPILOG = ""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="e.g. results")
-    limits = parser.add_argument_group("damage thresholds, % (default: those of the literature)")
-    limits.add_argument(
-        "--muscle-shear", type=float, default=50.0, metavar="PCT", help="default: %(default)g"
-    )
-    limits.add_argument(
-        "--fascia-strain", type=float, default=27.0, metavar="PCT", help="default: %(default)g"
-    )
-
-
-def run(comm: "MPI.Intracomm", arguments: argparse.Namespace) -> int:
-    """Write the report and print where."""
+""",
+)
+@first_rank
+def report(arguments: Namespace) -> None:
+    """Make tables, figures and page of a solved study."""
     from calfsocket.report.damage import DamageThresholds
 
     thresholds = DamageThresholds(arguments.muscle_shear, arguments.fascia_strain)
-    on_first_rank(comm, lambda: print(write(arguments.folder, thresholds)))
-    return OK
+    print(write(arguments.folder, thresholds))
 
 
 def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
@@ -48,3 +43,21 @@ def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
     from calfsocket.simulation.results import load_results
 
     return write_report(load_results(folder), [guest], thresholds)
+
+
+@command(
+    option("folder", type=Path, metavar="FOLDER", help="e.g. results/TC_separate"),
+    description="Redraw the picture of a solved case from its files.",
+)
+@first_rank
+def picture(arguments: Namespace) -> None:
+    """Redraw the picture of a solved case."""
+    from calfsocket.simulation.result import RESULT_FILE, Result
+
+    folder = arguments.folder
+    if not (folder / RESULT_FILE).is_file():
+        raise InputError(
+            f"picture: {folder} contains no {RESULT_FILE}; "
+            "name the folder of a solved case, e.g. results/TC_separate"
+        )
+    print(Result.load(folder).draw(folder))

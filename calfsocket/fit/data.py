@@ -18,10 +18,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calfsocket.fit.modes import MODES, Array, Mode
 from calfsocket.fit.stability import SCANNED
@@ -45,51 +44,25 @@ _HEADER = re.compile(r"\s*(\w+)\s*(?:\[([^\]]*)\])?\s*")
 
 @dataclass(frozen=True)
 class Test:
-    """One test: engineering stress over stretch.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    title : str
-        First comment of the file, or its name.
-    sha256 : str
-        Hash of the file.
-    mode : str
-        Kind of test.
-    measure : str
-        Stress as measured: "engineering" or "cauchy".
-    stretch : (n,)
-        Along the load, 1 unloaded.
-    stress : (n,)
-        Engineering stress, MPa.
-    sd : (n,) or None
-        Its standard deviation, MPa, where known.
-    """
+    """One test: engineering stress over stretch."""
 
     __test__ = False  # not one of pytest's
 
     path: Path
-    title: str
-    sha256: str
+    title: str  #: first comment of the file, or its name
+    sha256: str  #: of the file
     mode: Mode
-    measure: Measure
-    stretch: Array
-    stress: Array
-    sd: Array | None
+    measure: Measure  #: stress as measured
+    stretch: Array  #: along the load, 1 unloaded, (n,)
+    stress: Array  #: engineering stress, MPa, (n,)
+    sd: Array | None  #: its standard deviation, MPa, where known, (n,)
 
 
 def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = None) -> Test:
     """Read a test.
 
-    Parameters
-    ----------
-    path
-        CSV file.
-    mode
-        Kind of test; uniaxial where neither this nor the file says.
-    measure
-        What a column ``stress`` holds; engineering stress where neither this nor the header says.
+    Where neither the file nor `mode` and `measure` say so, it is uniaxial, and a column ``stress``
+    holds the engineering stress.
 
     Raises
     ------
@@ -108,20 +81,12 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
     if sd is not None:
         table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or remove the column")
     if np.sum(stress * (stretch - 1)) <= 0:
-        raise InputError(
-            f"{path}: stress and strain have opposite signs; "
+        raise table.wrong(
+            "stress and strain have opposite signs; "
             "tension must be positive and compression negative"
         )
-    return Test(
-        path=Path(path),
-        title=table.title,
-        sha256=table.sha256,
-        mode=mode,
-        measure=measure or "engineering",
-        stretch=stretch,
-        stress=stress,
-        sd=sd,
-    )
+    measure = measure or "engineering"
+    return Test(table.path, table.title, table.sha256, mode, measure, stretch, stress, sd)
 
 
 class _Table:
@@ -140,14 +105,12 @@ class _Table:
             if line.strip() and not line.startswith("#")
         ]
         if len(numbered) < 2:
-            raise InputError(f"{path}: contains no data; give a header and rows of numbers")
+            raise self.wrong("contains no data; give a header and rows of numbers")
         self.units = self._header(numbered[0][1])
         self.lines = [number for number, _ in numbered[1:]]
         for number, cells in numbered[1:]:
             if len(cells) != len(self.units):
-                raise InputError(
-                    f"{path}, line {number}: {len(cells)} cells; the header has {len(self.units)}"
-                )
+                raise self.wrong(f"{len(cells)} cells; the header has {len(self.units)}", number)
         columns = zip(*(cells for _, cells in numbered[1:]), strict=True)
         self.text = dict(zip(self.units, columns, strict=True))
 
@@ -155,7 +118,7 @@ class _Table:
         try:
             return next(csv.reader([line], skipinitialspace=True))
         except csv.Error as error:
-            raise InputError(f"{self.path}, line {number}: is not a CSV row ({error})") from error
+            raise self.wrong(f"is not a CSV row ({error})", number) from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""
@@ -163,28 +126,32 @@ class _Table:
         for cell in cells:
             found = _HEADER.fullmatch(cell)
             if not found:
-                raise InputError(
-                    f"{self.path}: column {cell.strip()!r} cannot be read; write NAME or "
-                    "NAME [UNIT], e.g. stress [kPa]"
+                raise self.wrong(
+                    f"column {cell.strip()!r} cannot be read; write NAME or NAME [UNIT], "
+                    "e.g. stress [kPa]"
                 )
             if found[1] not in _COLUMNS:
                 hint = nearest(found[1], _COLUMNS)
-                raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
+                raise self.wrong(f"column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
-                raise InputError(f"{self.path}: column {found[1]} appears twice; keep one")
+                raise self.wrong(f"column {found[1]} appears twice; keep one")
             columns[found[1]] = (found[2] or "").strip()
         for wanted in (("stretch", "strain"), tuple(_STRESSES)):
             number = sum(name in columns for name in wanted)
             if number != 1:
                 what = "no column" if number == 0 else "more than one column"
-                raise InputError(f"{self.path}: {what} of {', '.join(wanted)}; give one of them")
+                raise self.wrong(f"{what} of {', '.join(wanted)}; give one of them")
         return columns
 
-    def refuse(self, bad: NDArray[np.bool_] | Iterable[bool], what: str) -> None:
+    def wrong(self, what: str, line: int = 0) -> InputError:
+        """Return the error that names the file, and the line if there is one."""
+        return InputError(f"{self.path}{f', line {line}' if line else ''}: {what}")
+
+    def refuse(self, bad: Iterable[Any], what: str) -> None:
         """Refuse the first row that is bad."""
         for line, is_bad in zip(self.lines, bad, strict=True):
             if is_bad:
-                raise InputError(f"{self.path}, line {line}: {what}")
+                raise self.wrong(what, line)
 
     def numbers(self, name: str) -> Array:
         """Return a column of finite numbers, in the file's unit."""
@@ -195,9 +162,7 @@ class _Table:
             except ValueError:
                 values.append(np.nan)
             if not np.isfinite(values[-1]):
-                raise InputError(
-                    f"{self.path}, line {line}: {name} is {cell.strip()!r}; give a finite number"
-                )
+                raise self.wrong(f"{name} is {cell.strip()!r}; give a finite number", line)
         return np.array(values)
 
     def in_mpa(self, name: str) -> Array:
@@ -205,7 +170,7 @@ class _Table:
         try:
             factor = STRESS.factor(self.units[name])
         except ValueError as error:
-            raise InputError(f"{self.path}: {name}: {error}, e.g. `{name} [kPa]`") from error
+            raise self.wrong(f"{name}: {error}, e.g. `{name} [kPa]`") from error
         return self.numbers(name) * float(factor)
 
     def stretch(self) -> Array:
@@ -214,10 +179,8 @@ class _Table:
         allowed = _STRAIN_UNITS if name == "strain" else {"": 1.0, "-": 1.0}
         unit = self.units[name]
         if unit not in allowed:
-            raise InputError(
-                f"{self.path}: {name}: unit {unit!r} is unknown; "
-                f"use {' or '.join(filter(None, allowed))}"
-            )
+            use = " or ".join(filter(None, allowed))
+            raise self.wrong(f"{name}: unit {unit!r} is unknown; use {use}")
         values = self.numbers(name) * allowed[unit] + (name == "strain")
         low, high = SCANNED
         self.refuse(

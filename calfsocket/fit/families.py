@@ -29,30 +29,15 @@ STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no dig
 
 @dataclass(frozen=True)
 class Family:
-    """Laws with the same parameters.
+    """Laws with the same parameters."""
 
-    Attributes
-    ----------
-    title : str
-        Name for people.
-    coefficients : tuple of str
-        Names of the coefficients, which are stresses.
-    exponents : tuple of str
-        Names of the exponents, one for each coefficient, or none.
-    starts : tuple
-        Exponents to start from.
-    fields : callable
-        (coefficients in MPa, exponents) -> parameters of the law by name.
-    kind : type of Law
-        The law.
-    """
-
-    title: str
-    coefficients: tuple[str, ...]
-    exponents: tuple[str, ...]
-    starts: tuple[tuple[float, ...], ...]
-    fields: Callable[[Array, Array], dict[str, Any]]
+    title: str  #: name for people
     kind: type[Law]
+    fields: Callable[[Array, Array], dict[str, Any]]
+    """(coefficients in MPa, exponents) -> parameters of the law by name."""
+    coefficients: tuple[str, ...]  #: names of the coefficients, which are stresses
+    exponents: tuple[str, ...] = ()  #: names of the exponents, one for each coefficient, or none
+    starts: tuple[tuple[float, ...], ...] = ((),)  #: exponents to start from
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -60,7 +45,7 @@ class Family:
         return self.coefficients + self.exponents
 
     def split(self, parameters: Array) -> tuple[Array, Array]:
-        """Split parameters into coefficients and exponents."""
+        """Part parameters into coefficients and exponents."""
         n = len(self.coefficients)
         return parameters[:n], parameters[n:]
 
@@ -90,13 +75,6 @@ class Family:
         moved = parameters + 1j * STEP * np.eye(len(parameters))
         return np.column_stack([self.stress(each, mode, stretch).imag / STEP for each in moved])
 
-    def columns(self, exponents: Array, mode: Mode, stretch: Array) -> Array:
-        """Differentiate the engineering stress by the coefficients, (n, n_coefficients)."""
-        unit = np.eye(len(self.coefficients))
-        return np.column_stack(
-            [self.stress(np.append(each, exponents), mode, stretch) for each in unit]
-        )
-
 
 def family(law: str, terms: int) -> Family:
     """Choose a family by the law's name.
@@ -108,27 +86,25 @@ def family(law: str, terms: int) -> Family:
     """
     most = 1 if law == "neo-hookean" else MAX_TERMS
     if not 1 <= terms <= most:
-        raise InputError(
-            f"--terms: is {terms}; for {law} it must be 1{f' to {most}' if most > 1 else ''}"
-        )
+        raise InputError(f"--terms {terms}: {law} has 1{f' to {most}' if most > 1 else ''}")
     numbers = range(1, terms + 1)
     count = f"{terms} term{'s' if terms > 1 else ''}"
     match law:
         case "yeoh":
             names = ("C10", "C20", "C30")[:terms]
-            return Family(f"Yeoh, {count}", names, (), ((),), _yeoh, Yeoh)
+            return Family(f"Yeoh, {count}", Yeoh, _yeoh, names)
         case "ogden":
             return Family(
-                title=f"Ogden, {count}",
+                f"Ogden, {count}",
+                Ogden,
+                lambda mu, alpha: {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist())},
                 coefficients=tuple(f"mu{i}" for i in numbers),
                 exponents=tuple(f"alpha{i}" for i in numbers),
                 starts=tuple(combinations(START_ALPHAS, terms)),
-                fields=lambda mu, alpha: {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist())},
-                kind=Ogden,
             )
         case "neo-hookean":
-            return Family("neo-Hookean", ("mu",), (), ((),), _neo_hookean, Ogden)
-    raise InputError(f"--law: unknown law '{law}'; use one of {', '.join(LAWS)}")
+            return Family("neo-Hookean", Ogden, _neo_hookean, ("mu",))
+    raise InputError(f"--law {law}: use one of {', '.join(LAWS)}")
 
 
 def _yeoh(coefficients: Array, _: Array) -> dict[str, Any]:

@@ -37,14 +37,7 @@ def log_stretches(mode: Mode, stretch: ArrayLike) -> Array:
 def engineering_stress(law: Law, mode: Mode, stretch: ArrayLike) -> Array:
     """Force per reference area along axis 1, in the unit of the moduli, (n,).
 
-    Parameters
-    ----------
-    law
-        Taken as incompressible.
-    mode
-        Which test.
-    stretch : (n,)
-        Stretch along axis 1, > 0.
+    The law is taken as incompressible; `stretch` is that along axis 1, > 0, (n,).
     """
     stretches = np.exp(log_stretches(mode, stretch))
     tau = law.kirchhoff(stretches)

@@ -1,13 +1,13 @@
 """The least-squares problem: weighted residuals of all tests, and searches for their minimum."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from calfsocket.fit.data import Test
 from calfsocket.fit.families import ALPHA_MAX, Family
-from calfsocket.fit.modes import Array, Mode
+from calfsocket.fit.modes import Array
 from calfsocket.io.errors import InputError
 
 TOLERANCE = 1e-10
@@ -20,25 +20,10 @@ MAX_EVALUATIONS = 300
 class Problem:
     """Weighted residuals of a family's engineering stress.
 
-    Parameters
-    ----------
-    family
-        What to fit.
-    tests
-        Data, fitted together. Stresses count by 1/sd where every test has a standard deviation,
-        and all alike where none has.
-    free_signs
-        Whether coefficients may be negative. If not, the law is stable at every strain
-        (`stability`).
-
-    Attributes
-    ----------
-    measured : (n,)
-        Engineering stresses, MPa.
-    weight : (n,)
-        What residuals are multiplied by: 1/sd, or 1 over the largest stress, 1/MPa.
-    known_sd : bool
-        Whether standard deviations are known.
+    Stresses `measured`, MPa, (n,), count by `weight`, 1/MPa, (n,): 1/sd where every test has a
+    standard deviation (`known_sd`), and 1 over the largest stress where none has. Unless
+    coefficients have `free_signs`, they stay at 0 or above: the law is stable at every strain
+    (`stability`).
 
     Raises
     ------
@@ -74,13 +59,13 @@ class Problem:
 
     def residual(self, parameters: Array) -> Array:
         """Weighted difference of computed and measured stress."""
-        stress = self._over_tests(self.family.stress, parameters)
-        return np.asarray(self.weight * (stress - self.measured))
+        stress = [self.family.stress(parameters, t.mode, t.stretch) for t in self.tests]
+        return np.asarray(self.weight * (np.concatenate(stress) - self.measured))
 
     def jacobian(self, parameters: Array) -> Array:
         """Differentiate the residual by the parameters."""
-        gradient = self._over_tests(self.family.gradient, parameters)
-        return np.asarray(self.weight[:, None] * gradient)
+        gradient = [self.family.gradient(parameters, t.mode, t.stretch) for t in self.tests]
+        return np.asarray(self.weight[:, None] * np.concatenate(gradient))
 
     def sum_of_squares(self, parameters: Array) -> float:
         """Sum of the squared residuals."""
@@ -89,7 +74,8 @@ class Problem:
 
     def best_coefficients(self, exponents: Array) -> Array:
         """Coefficients of least squares for given exponents."""
-        columns = self.weight[:, None] * self._over_tests(self.family.columns, exponents)
+        n = len(self.family.coefficients)
+        columns = self.jacobian(np.append(np.ones(n), exponents))[:, :n]  # linear: at any of them
         target = self.weight * self.measured
         # Columns of large exponents are larger by many orders.
         norm = np.linalg.norm(columns, axis=0)
@@ -100,12 +86,8 @@ class Problem:
     def search(self, start: Sequence[float]) -> tuple[Array, bool]:
         """Search from given exponents; coefficients start where they fit these best.
 
-        Returns
-        -------
-        parameters : (n,)
-            Terms in order of their exponents.
-        converged : bool
-            Whether the search ended before `MAX_EVALUATIONS`.
+        Returns the parameters, terms in order of their exponents, and whether the search ended
+        before `MAX_EVALUATIONS`.
         """
         coefficients = self.best_coefficients(np.array(start))
         if not start:  # linear: there is nothing to search
@@ -125,9 +107,3 @@ class Problem:
         )
         exponents = np.sort(found.x[n:])
         return np.concatenate([self.best_coefficients(exponents), exponents]), found.status > 0
-
-    def _over_tests(
-        self, function: Callable[[Array, Mode, Array], Array], parameters: Array
-    ) -> Array:
-        """Join what a function of the family gives for each test."""
-        return np.concatenate([function(parameters, t.mode, t.stretch) for t in self.tests])

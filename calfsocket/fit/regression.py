@@ -23,66 +23,31 @@ SAME = 1e-3
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where searches ended.
+    """Where searches ended."""
 
-    Attributes
-    ----------
-    parameters : (n,)
-        Coefficients in MPa, then exponents.
-    sum_of_squares : float
-        Of the weighted residuals.
-    searches : int
-        How many converged searches ended here.
-    """
-
-    parameters: Array
-    sum_of_squares: float
-    searches: int
+    parameters: Array  #: coefficients in MPa, then exponents, (n,)
+    sum_of_squares: float  #: of the weighted residuals
+    searches: int  #: how many converged searches ended here
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law.
-
-    Attributes
-    ----------
-    family : Family
-        What was fitted.
-    tests : tuple of Test
-        To what.
-    law : law
-        The best one, with D1 by Poisson's ratio where it has one.
-    minima : tuple of Minimum
-        The best one first, then those that fit as well: the data's noise (F-test, chi-squared where
-        standard deviations are known) does not distinguish them from the best at `LEVEL`.
-    covariance : (n, n)
-        Of the parameters, MPa; not a number where one is at its bound.
-    condition : float
-        Condition number of the derivatives, columns scaled to 1.
-    degrees_of_freedom : int
-        Data minus parameters that are not at their bounds.
-    chi_squared : float or None
-        Sum of the squared residuals in standard deviations, where these are known.
-    r_squared : float
-        1 - residual / total sum of squares, both weighted.
-    rms : float
-        Root mean square of the residual engineering stresses, MPa.
-    searches, unconverged : int
-        Searches from different exponents, and those that did not end.
-    """
+    """A fitted law."""
 
     family: Family
     tests: tuple[Test, ...]
-    law: Law
+    law: Law  #: the best one, with D1 by Poisson's ratio where it has one
     minima: tuple[Minimum, ...]
-    covariance: Array
-    condition: float
-    degrees_of_freedom: int
-    chi_squared: float | None
-    r_squared: float
-    rms: float
-    searches: int
-    unconverged: int
+    """The best one first, then those that fit as well: the data's noise (F-test, chi-squared where
+    standard deviations are known) does not tell them from the best at `LEVEL`."""
+    covariance: Array  #: of the parameters, MPa, (n, n); not a number where one is at its bound
+    condition: float  #: condition number of the derivatives, columns scaled to 1
+    degrees_of_freedom: int  #: data minus parameters that are not at their bounds
+    chi_squared: float | None  #: squared residuals in standard deviations, where these are known
+    r_squared: float  #: 1 - residual / total sum of squares, both weighted
+    rms: float  #: root mean square of the residual engineering stresses, MPa
+    searches: int  #: searches from different exponents
+    unconverged: int  #: those that did not end
 
     @property
     def parameters(self) -> Array:
@@ -125,18 +90,10 @@ class Fit:
 
 
 def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bool = False) -> Fit:
-    """Fit a family to tests by weighted least squares on the engineering stress.
+    """Fit a family to tests together, by weighted least squares on the engineering stress.
 
-    Parameters
-    ----------
-    family
-        What to fit; `families.family`.
-    tests
-        Data, fitted together; the material is taken as incompressible.
-    nu
-        Poisson's ratio from which the law gets its D1, where it has one.
-    free_signs
-        Whether coefficients may be negative.
+    The material is taken as incompressible; Poisson's ratio `nu` gives the law its D1, where it has
+    one. Coefficients may be negative with `free_signs`.
 
     Raises
     ------
@@ -149,7 +106,7 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
     if not converged:
         raise InputError(
             f"{problem.files}: none of {len(ends)} searches for {family.title} converged; "
-            "use fewer terms or another law"
+            "take fewer terms or another law"
         )
     minima = _distinct(problem, converged)
     best = minima[0]
@@ -157,8 +114,8 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
         law = family.law(best.parameters, nu)
     except InputError as error:
         raise InputError(
-            f"{problem.files}: the best fit of {family.title} is not stable ({error}); use other "
-            f"terms or another law{', or omit --free-signs' if free_signs else ''}"
+            f"{problem.files}: the best {family.title} is no stable law ({error}); take other "
+            f"terms or another law{', or leave --free-signs out' if free_signs else ''}"
         ) from None
     free = _free(problem, best.parameters)
     n_free = int(np.count_nonzero(free))
@@ -204,7 +161,7 @@ def _distinct(problem: Problem, ends: Sequence[Array]) -> list[Minimum]:
 
 
 def _free(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
-    """Return which parameters are not at a bound; a term of zero has no exponent either."""
+    """Tell which parameters are not at a bound; a term of zero has no exponent either."""
     coefficients, exponents = problem.family.split(parameters)
     there = np.ones(len(coefficients), dtype=bool) if problem.free_signs else coefficients > 0
     inside = np.abs(exponents) < ALPHA_MAX * (1 - SAME)
@@ -227,7 +184,7 @@ def _covariance(problem: Problem, best: Minimum, free: NDArray[np.bool_]) -> tup
 
 
 def _largest_as_good(problem: Problem, squares: float, n_free: int) -> float:
-    """Largest sum of squares that the noise does not distinguish from the smallest."""
+    """Largest sum of squares that the noise does not tell from the smallest."""
     if problem.known_sd:
         return squares + float(stats.chi2.ppf(LEVEL, n_free))
     rest = len(problem.measured) - n_free

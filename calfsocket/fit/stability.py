@@ -34,15 +34,7 @@ ROUNDING = 1e-10
 
 @dataclass(frozen=True)
 class StableRange:
-    """Stretches of a test between which a law is stable.
-
-    Attributes
-    ----------
-    mode : str
-        Which test.
-    low, high : float or None
-        Where stability is lost; None where it holds to the end of `SCANNED`.
-    """
+    """Stretches of a test between which a law is stable; None is the end of `SCANNED`."""
 
     mode: Mode
     low: float | None
@@ -86,10 +78,5 @@ def _loss(law: Law, mode: Mode, end: float) -> float | None:
     if not unstable.size:
         return None
     first = int(unstable[0])
-    return float(
-        brentq(
-            lambda stretch: margin([stretch])[0],
-            stretches[first - 1],
-            stretches[first],
-        )
-    )
+    bracket = stretches[first - 1 : first + 1]
+    return float(brentq(lambda stretch: margin([stretch])[0], *bracket))

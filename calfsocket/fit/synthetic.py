@@ -22,31 +22,15 @@ NOISE = 0.02
 
 @dataclass(frozen=True)
 class Example:
-    """A test of a law of Table 1.
-
-    Attributes
-    ----------
-    tissue : str
-        Which.
-    law : law
-        Taken as incompressible.
-    mode : str
-        Kind of test.
-    first, last : float
-        Stretches.
-    seed : int
-        Of the noise.
-    with_sd : bool
-        Whether the file has the column stress_sd.
-    """
+    """A test of a tissue's law of Table 1, taken as incompressible."""
 
     tissue: str
     law: Law
     mode: Mode
-    first: float
+    first: float  #: stretch
     last: float
-    seed: int
-    with_sd: bool = True
+    seed: int  #: of the noise
+    with_sd: bool = True  #: whether the file has the column stress_sd
 
     def csv(self) -> str:
         """Text of the file."""
@@ -76,12 +60,7 @@ EXAMPLES: dict[str, Example] = {
 }
 
 
-def write_examples(folder: Path) -> None:
-    """Write the example files."""
-    for name, example in EXAMPLES.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_text(example.csv(), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    write_examples(Path(sys.argv[1]))
+    for name, example in EXAMPLES.items():
+        with replacing(Path(sys.argv[1]) / name) as temporary:
+            temporary.write_text(example.csv(), encoding="utf-8")

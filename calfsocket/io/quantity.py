@@ -19,18 +19,10 @@ from calfsocket.io.units import Dimension
 
 @dataclass(frozen=True)
 class Written:
-    """Annotation of a float that files give as a text such as ``"12 kPa"``.
-
-    Attributes
-    ----------
-    dimension : Dimension
-        Its units.
-    example : str
-        Shown by editors.
-    """
+    """Annotation of a float that files give as a text such as ``"12 kPa"``."""
 
     dimension: Dimension
-    example: str
+    example: str  #: shown by editors
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -57,9 +49,8 @@ class Written:
         units = (info.context or {}).get("units")
         if units is None:
             return value
-        return self.dimension.text(
-            value, units.get(self.dimension.internal, self.dimension.internal)
-        )
+        internal = self.dimension.internal
+        return self.dimension.text(value, units.get(internal, internal))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

@@ -4,8 +4,8 @@ import difflib
 import json
 import stat
 import tomllib
-from collections.abc import Collection
-from contextlib import nullcontext
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -61,28 +61,27 @@ Model = TypeVar("Model", bound=BaseModel)
 def read_json(path: Path, model: type[Model]) -> Model:
     """Read and check a file whose numbers have the units that it states.
 
-    Raises
-    ------
-    InputError
-        One line that names the file and the key.
+    An `InputError` is one line that names the file and the key.
     """
-    try:
-        content = json.loads(read_text(path), object_pairs_hook=_unique)
-    except InputError:
-        raise
-    except ValueError as error:  # no JSON, a repeated key, a number of 5000 digits
-        raise InputError(f"{path}: {error}") from error
-    except RecursionError as error:
-        raise InputError(f"{path}: has too many levels of nesting") from error
+    text = read_text(path)
+    with _parsing(path):
+        content = json.loads(text, object_pairs_hook=_unique)
     return checked(path, content, model, units_required=False)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a file of tables; raise an InputError naming it otherwise."""
     text = read_text(path, MAX_TOML_BYTES)
-    try:
+    with _parsing(path):
         return tomllib.loads(text)
-    except ValueError as error:  # no TOML, a number of 5000 digits
+
+
+@contextmanager
+def _parsing(path: Path) -> Iterator[None]:
+    """Raise an InputError naming the file when its text cannot be parsed."""
+    try:
+        yield
+    except ValueError as error:  # another format, a repeated key, a number of 5000 digits
         raise InputError(f"{path}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{path}: has too many levels of nesting") from error
@@ -131,12 +130,6 @@ def checked(
 
     Parameters
     ----------
-    path : Path
-        The file.
-    content
-        As parsed.
-    model : type
-        What it must be.
     origin : str
         What was changed in the content after reading; it stands first in the message.
     units_required : bool
@@ -192,13 +185,12 @@ def _message(error: dict[str, Any]) -> str:
         return text.removeprefix("Value error, ")
     if text.startswith("is not "):
         return text
-    if error["type"] == "union_tag_invalid":
+    if error["type"].startswith("union_tag"):
         context = error["ctx"]
-        key, tag = context["discriminator"].strip("'"), context["tag"]
-        return f"{key} is '{tag}'; it must be one of {context['expected_tags']}"
-    if error["type"] == "union_tag_not_found":
-        key = error["ctx"]["discriminator"].strip("'")
-        return f"{key} is missing; add it"
+        key = context["discriminator"].strip("'")
+        if "tag" not in context:
+            return f"{key} is missing; add it"
+        return f"{key} is '{context['tag']}'; it must be one of {context['expected_tags']}"
     text = _PLAIN.get(error["type"], text)
     said = text.replace("Input should be", "it must be").replace("Input should", "it must")
     return f"is {_shortened(error['input'])}; {said[0].lower()}{said[1:]}"
@@ -226,15 +218,11 @@ def place_in(content: Any, parts: tuple[int | str, ...], missing: bool) -> str:
     return ".".join(keys)
 
 
-class _RepeatedKeyError(ValueError):
-    """A key appears twice in one object; JSON readers would silently take the last."""
-
-
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make an object of its pairs, refusing repeated keys."""
+    """Refuse keys that appear twice in one object; JSON readers would silently take the last."""
     content: dict[str, Any] = {}
     for key, value in pairs:
         if key in content:
-            raise _RepeatedKeyError(f"key '{key}' appears twice in one object; keep one")
+            raise ValueError(f"key '{key}' appears twice in one object; keep one")
         content[key] = value
     return content

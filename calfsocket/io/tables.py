@@ -27,15 +27,12 @@ def merge_csv(
 
     Parameters
     ----------
-    path
-        The shared file; made if it does not exist.
     rows
-        This case's rows, in the order to keep. Floats are written with `FLOAT_FORMAT`,
-        NaN as an empty cell.
+        In the order to keep. Floats are written with `FLOAT_FORMAT`, NaN as an empty cell.
     key
         Columns that name a case.
     order
-        Cases in the study's order; cases that are not among them come last, in order of name.
+        Cases in the study's order; others come last, in order of name.
     """
     path, key = Path(path), list(key)
     new = rows.map(_text)
@@ -48,21 +45,13 @@ def merge_csv(
             others = [case not in cases for case in old[key].itertuples(index=False, name=None)]
             merged = pd.concat([new, old[others]], ignore_index=True).fillna("")
         names = [tuple(case) for case in merged[key].itertuples(index=False, name=None)]
-        places = sorted(
-            range(len(names)), key=lambda i: (rank.get(names[i], len(rank)), names[i], i)
-        )
+        places = sorted(range(len(names)), key=lambda i: (rank.get(names[i], len(rank)), names[i]))
         with replacing(path) as temporary:
             merged.iloc[places].to_csv(temporary, index=False)
 
 
 def _read_table(path: Path, key: Sequence[str]) -> pd.DataFrame:
-    """Read a CSV as text.
-
-    Raises
-    ------
-    WriteError
-        When it is no table with the columns of `key`, so that no row can be put into it.
-    """
+    """Read a CSV as text; raise a WriteError when it has not the columns of `key`."""
     try:
         table = pd.read_csv(path, dtype=str, keep_default_na=False)
         table[key]

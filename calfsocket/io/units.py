@@ -21,39 +21,19 @@ def _registry() -> pint.UnitRegistry:
 
 @dataclass(frozen=True)
 class Dimension:
-    """A kind of quantity.
+    """A kind of quantity."""
 
-    Attributes
-    ----------
-    internal : str
-        The unit inside the program.
-    allowed : tuple of str
-        Units that may be written.
-    """
-
-    internal: str
-    allowed: tuple[str, ...]
+    internal: str  #: the unit inside the program
+    allowed: tuple[str, ...]  #: units that may be written
 
     def factor(self, unit: str) -> Decimal:
-        """Return how many internal units a unit is.
-
-        Raises
-        ------
-        ValueError
-            When the unit is not allowed; the message names those that are.
-        """
+        """Return how many internal units a unit is; a ValueError names those that are allowed."""
         if unit not in self.allowed:
             raise ValueError(f"unit {unit!r} is unknown; use {', '.join(self.allowed)}")
         return _registry().Quantity(Decimal(1), unit).to(self.internal).magnitude
 
     def parse(self, text: object) -> float:
-        """Value of a text such as ``"12 kPa"`` in the internal unit.
-
-        Raises
-        ------
-        ValueError
-            When the text is not a number with an allowed unit.
-        """
+        """Value of a text such as ``"12 kPa"`` in the internal unit; else a ValueError."""
         found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
         if not found:
             example = f'"12 {self.allowed[0]}"'

@@ -94,6 +94,8 @@ class Ogden(Law):
             # Kept in one way, so that equal laws compare equal; frozen only for users.
             object.__setattr__(self, "d1", 3 * (1 - 2 * self.nu) / (mu * (1 + self.nu)))
             object.__setattr__(self, "nu", None)
+            # as if `d1` had been given: the law may be checked again, inside another model
+            self.model_fields_set.add("d1")
         return self
 
     def coefficients(self) -> tuple[float, ...]:

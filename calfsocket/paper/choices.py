@@ -21,7 +21,7 @@ def claims(boards: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def tables(findings: Findings) -> list[Table]:
-    """Make the tables of verdicts by variant; none for a study without variants."""
+    """Return the tables of verdicts by variant; none for a study without variants."""
     of = variants(findings.study)
     boards = {
         name: scoreboard(Evidence(Findings(results.only(CASES), findings.thresholds)))

@@ -47,7 +47,7 @@ class Evidence:
     Attributes
     ----------
     findings : Findings
-        Of the paper's cases alone.
+        Of the paper's cases alone, in a study.
     """
 
     findings: Findings
@@ -70,12 +70,12 @@ class Evidence:
     @cached_property
     def settings(self) -> dict[str, Any]:
         """Settings of the study, by their last name."""
-        return inputs.settings(self.results) if self.run else {}
+        return inputs.settings(self.results)
 
     @property
     def laws(self) -> inputs.Laws:
         """Material set -> tissue -> law and parameters (MPa)."""
-        return inputs.laws(self.results) if self.run else {}
+        return inputs.laws(self.results)
 
     @cached_property
     def limb(self) -> Limb:
@@ -84,9 +84,8 @@ class Evidence:
 
     @property
     def run(self) -> StudyRecord:
-        """The study's inputs; refuse the check where results were saved without a study."""
-        if self.results.run is None:
-            raise NotChecked("needs the run.json of a study")
+        """Inputs and versions of the study."""
+        assert self.results.run is not None
         return self.results.run
 
     @cached_property

@@ -11,7 +11,6 @@ from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.figures import figures
 from calfsocket.paper.published import PARTS, pressure
 from calfsocket.paper.tables import tables
-from calfsocket.report import inputs
 from calfsocket.report.answer import MERGING, TRUST
 from calfsocket.report.chapters import Chapter, Content, Guest, Line, Note
 from calfsocket.report.findings import Findings
@@ -35,9 +34,13 @@ MARKS = {scoreboard.HOLDS: "✓", scoreboard.FAILS: "✗", scoreboard.UNCHECKED:
 
 
 def guest(findings: Findings) -> Guest | None:
-    """Return what the paper adds; None where a study holds none of its cases."""
+    """Return what the paper adds; None where a study holds none of its cases.
+
+    Single results that were saved without a study do not say what they were made of, so that they
+    are none of them.
+    """
     keys = [key for key in findings.results if key in CASES]
-    if not keys:
+    if not keys or findings.study.run is None:
         return None
     evidence = Evidence(findings.of(keys))
     board = scoreboard.scoreboard(evidence)
@@ -100,7 +103,7 @@ def _calibration(evidence: Evidence) -> tuple[list[Content], list[str]]:
         return [Note(missing)], [missing]
     return [
         found.figure,
-        calibration.table(found, inputs.laws(evidence.results).get("separate", {})),
+        calibration.table(found, evidence.laws["separate"]),
     ], []
 
 
@@ -109,12 +112,9 @@ def _scoreboard(board: pd.DataFrame) -> Content:
     return render(
         "scoreboard.html",
         "calfsocket.paper.templates",
-        tallies=[
-            (what, scoreboard.counts(board, judges)) for judges, what in scoreboard.KINDS.items()
-        ],
-        summary=scoreboard.summary(board),
+        results=scoreboard.counts(board),
+        apart=scoreboard.parts(board)[1:],
         marks=MARKS,
-        kinds=scoreboard.KINDS,
         parts=[
             (name, group.to_dict("records"))
             for name, group in board.groupby(pd.Series(parts, index=board.index), sort=False)

@@ -75,13 +75,13 @@ def tally(counted: Mapping[str, int]) -> str:
     return listed(f"{n} {PLURAL[verdict]}" for verdict, n in counted.items() if n)
 
 
-def summary(board: pd.DataFrame) -> str:
-    """Return the counts of all kinds of claims in words, those on results first."""
-    parts = []
+def parts(board: pd.DataFrame) -> list[str]:
+    """Return the counts of each kind of claims in words, those on results first."""
+    texts = []
     for judges, what in KINDS.items():
         counted = counts(board, judges)
-        parts.append(f"{sum(counted.values())} {what} ({tally(counted)})")
-    return f"Of the paper's {len(board)} claims there are {listed(parts)}"
+        texts.append(f"{sum(counted.values())} {what} ({tally(counted)})")
+    return texts
 
 
 def table(board: pd.DataFrame) -> Table:
@@ -92,8 +92,9 @@ def table(board: pd.DataFrame) -> Table:
     return Table(
         "scoreboard",
         "Scoreboard",
-        f"{summary(board)}. Computed from this study's inputs and results; what counts as "
-        "agreement is the same for all claims of a kind.",
+        f"Of the paper's {len(board)} claims there are {listed(parts(board))}. Computed from this "
+        "study's inputs and results; what counts as agreement is the same for all claims of a "
+        "kind.",
         board,
         shown[["claim", "judges", "verdict", "ours", "paper", "why"]],
     )

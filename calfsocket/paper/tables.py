@@ -23,8 +23,7 @@ def tables(evidence: Evidence) -> dict[str, Table]:
     maxima, changes = evidence.maxima, evidence.compared_changes
     made = [_maxima(2, "largest stresses, kPa", maxima, STRESSES)]
     made.append(_maxima(4, "largest logarithmic strains, %", maxima, STRAINS))
-    if evidence.results.run:
-        made.append(_materials(comparison.materials(evidence.laws)))
+    made.append(_materials(comparison.materials(evidence.laws)))
     if len(changes):
         made.append(_changes(3, "relative change of stresses, %", changes, STRESSES))
         made.append(_changes(5, "relative change of strains, %", changes, STRAINS))

@@ -26,7 +26,7 @@ MOST_NAMED = 4
 
 
 def sector(x_mm: float, y_mm: float) -> str:
-    """Name the side of the limb on which a site lies."""
+    """Return the side of the limb on which a site lies."""
     angle = np.degrees(np.arctan2(y_mm, x_mm))
     return SECTORS[round(angle / 45) % 8]
 
@@ -156,7 +156,7 @@ def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
 
 
 def _most_loaded(results: Results, material_set: str, quantity: str) -> str:
-    """Name the tissue with the largest magnitude of an quantity, over all sockets."""
+    """Return the tissue with the largest magnitude of a quantity, over all sockets."""
     summary = results.summary
     rows = summary[(summary.material_set == material_set) & (summary.quantity == quantity)]
     return names.TISSUES[rows.tissue[rows.value.abs().idxmax()]]

@@ -30,8 +30,11 @@ def laws(results: Results) -> Laws:
         name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
         for name, laws in results.run.laws.items()
     }
-    names = {key[1]: record.material_set for key, record in results.records.items()}
-    return known | {name: known[real] for name, real in names.items() if real in known}
+    own = {
+        key[1]: known.get(record.name, known.get(record.material_set))
+        for key, record in results.records.items()
+    }
+    return known | {name: found for name, found in own.items() if found is not None}
 
 
 def title(results: Results) -> str:

@@ -32,7 +32,7 @@ SETTINGS = {
 
 
 def tables(results: Results) -> list[Table]:
-    """Make the tables of cases, of settings and of versions."""
+    """Return the tables of cases, of settings and of versions."""
     made = [_cases(results)]
     if found := inputs.settings(results):
         made.append(_settings(found))

@@ -99,7 +99,7 @@ def change(value: float) -> str:
 def spread(
     cells: pd.DataFrame, rows: list[str], columns: list[str], text: "pd.Series[str]"
 ) -> pd.DataFrame:
-    """Lay one text a row of `cells` out in a table, in the order of first appearance."""
+    """Arrange one text per row of `cells` in a table, in the order of first appearance."""
     frame = cells[rows + columns].assign(text=text)
     for name in rows + columns:
         frame[name] = pd.Categorical(frame[name], frame[name].unique(), ordered=True)

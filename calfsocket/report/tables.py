@@ -99,10 +99,10 @@ def damage(data: pd.DataFrame) -> Table:
     return Table(
         "damage",
         "Strains against damage thresholds",
-        "Magnitude, %; in brackets the area of the section beyond the threshold, by Gauss "
-        "points, and its share of the tissue: for muscle the damage risk volume of a slice. AMP is "
-        "the absolute maximum principal strain, which may be compressive; the fascia's threshold "
-        "was measured in tension.",
+        "Magnitude of the maximum, %; in brackets the area of the section beyond the threshold, by "
+        "Gauss points, and its share of the tissue: for muscle the damage risk volume of a slice. "
+        "AMP is the absolute maximum principal strain, which may be compressive; the fascia's "
+        "threshold was measured in tension.",
         data,
         spread(
             in_words(data).assign(threshold=limit),

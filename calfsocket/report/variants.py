@@ -77,7 +77,7 @@ def dependence(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(study: Results) -> list[Table]:
-    """Make the tables of variants and of what depends on them; none without variants."""
+    """Return the tables of variants and of what depends on them; none without variants."""
     of = variants(study)
     return [_variants_table(of), _dependence_table(dependence(quantities(of)))] if of else []
 

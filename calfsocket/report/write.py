@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from calfsocket.io.errors import InputError
 from calfsocket.plotting.style import save, type_set
 from calfsocket.report import answer, inputs, method, tables, variants
 from calfsocket.report.chapters import Chapter, Content, Drawn, Figure, Guest
@@ -39,10 +40,15 @@ def write_report(
     Raises
     ------
     InputError
-        When results cannot be read.
+        When results cannot be read, or no case reached its full load.
     WriteError
         When the report cannot be written.
     """
+    if not results:
+        why = "; ".join(f"{name}: {text}" for name, text in results.left_out.items())
+        raise InputError(
+            f"{results.folder}: no case reached its full load ({why}); solve the study first"
+        )
     findings = Findings(results, thresholds or DamageThresholds())
     added = [guest for make in guests if (guest := make(findings)) is not None]
     chapters = _numbered(_joined(_chapters(findings), added), added)

@@ -184,7 +184,8 @@ class StudyRecord(Strict):
     sockets : mapping of str to socket
         Each case's socket, by the name in the tables.
     laws : mapping
-        Material set -> tissue or region -> law.
+        Material set -> tissue or region -> law; a case whose laws are changed has its own entry,
+        by the name of its folder.
     inputs : mapping of str to str
         Fingerprint of what the result of each case depends on.
     thresholds : list of mapping

@@ -186,8 +186,7 @@ def load_results(folder: Path | str) -> Results:
     Raises
     ------
     InputError
-        When there are no results, a file is missing or cannot be read, or no case reached its full
-        load.
+        When there are no results, or a file is missing or cannot be read.
     """
     folder = Path(folder)
     run = None
@@ -205,11 +204,7 @@ def load_results(folder: Path | str) -> Results:
         raise InputError(f"{folder}: contains neither a {RUN_FILE} nor a case's {RESULT_FILE}")
     records = {key: record for key, (_, record) in found.items()}
     files = _Files({key: place for key, (place, _) in found.items()})
-    results = Results(folder, run, records, files)
-    if not results:
-        why = "; ".join(f"{name}: {text}" for name, text in results.left_out.items())
-        raise InputError(f"{folder}: no case reached its full load ({why}); solve the study first")
-    return results
+    return Results(folder, run, records, files)
 
 
 def _read_table(path: Path) -> pd.DataFrame:

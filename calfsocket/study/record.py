@@ -137,11 +137,15 @@ class Recorder:
 
 
 def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
-    """Return the laws of each material set by tissue or region, without those of sockets."""
+    """Return the laws of each material set by tissue or region, without those of sockets.
+
+    A case whose laws differ from those of its set has an entry by its own name.
+    """
     found: dict[str, dict[str, Any]] = {}
     for case in plan.cases:
         laws = case.materials.tissue_laws() | dict(case.materials.regions)
-        found.setdefault(case.materials.name, laws)
+        if found.setdefault(case.materials.name, laws) != laws:
+            found[case.name] = laws  # a variant changes them
     return found
 
 

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.contact.parameters import Contact
-from calfsocket.materials.laws import Hencky
+from calfsocket.materials.laws import Hencky, Law
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
@@ -46,7 +46,7 @@ class TurnedRing:
 
     #: from the inside out, mm; the last one is the socket, whose inner radius is given without the
     #: overclosure
-    layers: tuple[tuple[str, float, float, Hencky], ...] = (
+    layers: tuple[tuple[str, float, float, Law], ...] = (
         ("inner", 10.0, 16.0, Hencky(e=1.0, nu=0.3)),
         ("outer", 16.0, 20.0, Hencky(e=3.0, nu=0.4)),
         (tags.SOCKET, 20.0, 24.0, Hencky(e=100.0, nu=0.3)),
@@ -62,7 +62,7 @@ class TurnedRing:
         return self.layers[-1][1]
 
     @property
-    def laws(self) -> dict[str, Hencky]:
+    def laws(self) -> dict[str, Law]:
         """Law of each region."""
         return {name: law for name, _, _, law in self.layers}
 

@@ -18,11 +18,10 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import effective_stress
-from calfsocket.verification.report import Figure
+from calfsocket.verification.report import LOG, Curve, Figure, curves
 
 KEY = ["socket", "material_set", "tissue", "quantity"]
 CONVERGED, CONVERGING = 5.0, 10.0
@@ -186,37 +185,25 @@ def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]
     shown = {
         ("skin", "contact_pressure_mean"): "contact pressure, mean",
         ("skin", "contact_pressure_max"): "contact pressure, maximum",
-        ("skin", "effective_stress"): "skin",
-        ("fat", "effective_stress"): "fat",
-        ("muscle", "effective_stress"): "muscle",
-        ("fascia", "effective_stress"): "fascia",
+        **{(tissue, "effective_stress"): tissue for tissue in ("skin", "fat", "muscle", "fascia")},
         ("vessel", "pressure"): "vessel pressure",
     }
-
-    def draw(axes: Axes) -> None:
-        relative = [np.sqrt(cells[sizes[-1]] / cells[size]) for size in sizes[:-1]]
-        for k, ((tissue, quantity), label) in enumerate(shown.items()):
-            part = table[(table["tissue"] == tissue) & (table["quantity"] == quantity)]
-            for name, style in (("separate", "o-"), ("combined", "s--")):
-                of_set = part[part["material_set"] == name]
-                finest = of_set[f"value_{sizes[-1]}"].abs()
-                off = [
-                    100.0 * float((of_set[f"value_{s}"].abs() / finest - 1.0).abs().mean())
-                    for s in sizes[:-1]
-                ]
-                text = label if name == "separate" else None
-                axes.loglog(relative, np.maximum(off, 1e-4), style, color=f"C{k}", label=text)
-        axes.set(
-            xlabel=f"element size, {sizes[-1]} = 1",
-            ylabel=f"mean distance from {sizes[-1]}, %",
-        )
-        axes.set_xticks(relative, [f"{r:.2f}" for r in relative], minor=False)
-        axes.minorticks_off()
-        axes.legend(fontsize="small")
-
-    return Figure(
+    finest, others = sizes[-1], sizes[:-1]
+    relative = [np.sqrt(cells[finest] / cells[size]) for size in others]
+    lines: list[Curve] = []
+    for k, ((tissue, quantity), label) in enumerate(shown.items()):
+        part = table[(table["tissue"] == tissue) & (table["quantity"] == quantity)]
+        for name, style in (("separate", "o-"), ("combined", "s--")):
+            values = part[part["material_set"] == name][[f"value_{size}" for size in sizes]].abs()
+            reference = values[f"value_{finest}"]
+            off = [100.0 * (values[f"value_{s}"] / reference - 1.0).abs().mean() for s in others]
+            text = label if name == "separate" else None
+            lines.append((relative, np.maximum(off, 1e-4), f"{style}C{k}", text))
+    return curves(
         "limb_convergence",
-        draw,
         "Effective stresses and pressures by mesh size, mean over the sockets; lines: Separate, "
         "dashed: Combined.",
+        (f"element size, {finest} = 1", f"mean distance from {finest}, %"),
+        lines,
+        **LOG,
     )

@@ -105,8 +105,7 @@ def fit(
     support : str
         Whether the socket floats.
     """
-    case, section = one_case(socket, "separate", size)
-    laws = {name: case.region_laws[name] for name in section.regions}
+    case, section, laws = one_case(socket, "separate", size)
     problem = path_problem(path, section, laws, contact, support)
     skin = problem.contact
     history: list[dict[str, float]] = []

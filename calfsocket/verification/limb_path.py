@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from calfsocket.materials.material_set import BaseSet
 from calfsocket.mechanics.limb_problem import limb_problem
@@ -61,8 +60,7 @@ def follow(
         If the full load is not reached.
     """
     with recording() as solves:
-        case, section = one_case(socket, material_set, size)
-        laws = {name: case.region_laws[name] for name in section.regions}
+        case, section, laws = one_case(socket, material_set, size)
         problem = limb_problem(section, laws, case.contact, case.support)
         steps = case.steps.model_copy(
             update={
@@ -178,25 +176,23 @@ def newton_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
 def newton_figure(paths: Sequence[LimbPath]) -> Figure:
     """Plot |F| after over |F| before of the last two iterations of every step."""
     last = Iterations.of([solve for path in paths for solve in path.solves])
-
-    def draw(axes: Axes) -> None:
-        changed = (last.changes > 0) | last.cut
-        axes.loglog(last.before[~changed], last.after[~changed], "o", ms=4, label="whole steps")
-        axes.loglog(
-            last.before[changed], last.after[changed], "x", ms=5, label="contact changes, or cut"
-        )
-        before = np.array([last.before.min(), last.before.max()])
-        most = last.factor.max(initial=0.0)
-        axes.loglog(before, most * before**2, "k--", lw=1, label=f"{most:.2g} |F|^2")
-        axes.axhline(TOLERANCE, color="0.6", lw=1, label="tolerance")
-        axes.set(
-            xlabel="|F| before the iteration, N/mm",
-            ylabel="|F| after it, N/mm",
-            ylim=(last.after.min() / 3.0, 3.0 * last.after.max()),
-        )
-        axes.legend()
-
-    return Figure("limb_newton", draw, "The last two Newton iterations of every step of all paths.")
+    changed = (last.changes > 0) | last.cut
+    ends = np.array([last.before.min(), last.before.max()])
+    most = last.factor.max(initial=0.0)
+    lines: list[Curve] = [
+        (last.before[~changed], last.after[~changed], "o", "whole steps"),
+        (last.before[changed], last.after[changed], "x", "contact changes, or cut"),
+        (ends, most * ends**2, "k--", f"{most:.2g} |F|^2"),
+        (ends, [TOLERANCE] * 2, "-C7", "tolerance"),
+    ]
+    return curves(
+        "limb_newton",
+        "The last two Newton iterations of every step of all paths.",
+        ("|F| before the iteration, N/mm", "|F| after it, N/mm"),
+        lines,
+        ylim=(last.after.min() / 3.0, 3.0 * last.after.max()),
+        **LOG,
+    )
 
 
 def energy_figure(paths: Sequence[LimbPath]) -> Figure:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
+from calfsocket.materials.law import Law
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.mechanics.stepping import LoadStepper
 from calfsocket.meshes import tags
@@ -78,12 +79,15 @@ def all_checks(results: Results) -> list[Checks]:
     return [record.checks for record in results.records.values() if record.checks]
 
 
-def one_case(socket: str, material_set: BaseSet, size: str) -> tuple[Simulation, SectionMesh]:
-    """Return a case of the paper's study, and its mesh, on one rank."""
+def one_case(
+    socket: str, material_set: BaseSet, size: str
+) -> tuple[Simulation, SectionMesh, dict[str, Law]]:
+    """Return a case of the paper's study with its mesh and the laws of its regions, on one rank."""
     materials = MaterialSet.paper(material_set)
     limb, shape = Limb.reference(), Socket.reference(socket)
     case = Simulation(limb, shape, materials, mesh_size=size, comm=MPI.COMM_SELF)
-    return case, section_mesh(MPI.COMM_SELF, limb, shape, case.mesh_size)
+    section = section_mesh(MPI.COMM_SELF, limb, shape, case.mesh_size)
+    return case, section, {name: case.region_laws[name] for name in section.regions}
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,30 +26,16 @@ from scipy.optimize import brentq
 from calfsocket.forms import measures, mixed
 from calfsocket.materials.fields import Kind, kind
 from calfsocket.materials.laws import Law, Ogden
-from calfsocket.materials.tissues import (
-    BONE,
-    FASCIA,
-    FAT,
-    MUSCLE,
-    MUSCLE_AND_FASCIA,
-    SKIN,
-    SOCKET,
-    VESSEL,
-)
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.materials.tissues import MUSCLE_AND_FASCIA
 from calfsocket.postprocess.extract import KILOPASCAL
 from calfsocket.verification.report import Check, Curve, Section, Table, curves
 
 FloatArray = NDArray[np.float64]
 
 TABLE_1: dict[str, Law] = {
-    "skin": SKIN,
-    "fat": FAT,
-    "muscle": MUSCLE,
+    **MaterialSet.paper("separate").tissue_laws(),
     "combined": MUSCLE_AND_FASCIA,
-    "fascia": FASCIA,
-    "vessel": VESSEL,
-    "bone": BONE,
-    "socket": SOCKET,
 }
 LAWS: dict[str, Law] = {
     **TABLE_1,

@@ -29,12 +29,11 @@ from petsc4py import PETSc
 
 from calfsocket.contact.friction import OPEN, SLIP, STICK
 from calfsocket.contact.parameters import Contact
-from calfsocket.materials.laws import Hencky, Law
+from calfsocket.materials.laws import Hencky
 from calfsocket.materials.tissues import FASCIA, MUSCLE, SKIN, VESSEL
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
-from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.friction import TurnedRing
 from calfsocket.verification.newton import Probe, probe_at
 from calfsocket.verification.problems import held_socket
@@ -42,16 +41,19 @@ from calfsocket.verification.report import LOG, Check, Curve, Section, Table, cu
 
 FloatArray = NDArray[np.float64]
 
-LAYERS: tuple[tuple[str, float, float, Law], ...] = (
-    ("vessel", 10.0, 14.0, VESSEL),
-    ("muscle", 14.0, 22.0, MUSCLE),
-    ("fascia", 22.0, 24.0, FASCIA),
-    ("skin", 24.0, 28.0, SKIN),
-)
-SOCKET_LAW = Hencky(e=1.0, nu=0.3)
-THICKNESS = 4.0
 OVERLAP = 0.2
 """mm."""
+
+LAYERED = TurnedRing(
+    layers=(
+        ("vessel", 10.0, 14.0, VESSEL),
+        ("muscle", 14.0, 22.0, MUSCLE),
+        ("fascia", 22.0, 24.0, FASCIA),
+        ("skin", 24.0, 28.0, SKIN),
+        (tags.SOCKET, 28.0, 32.0, Hencky(e=1.0, nu=0.3)),
+    ),
+    h=4.0,
+)
 
 NOISE = 1e-3
 """Of the unknowns in a state; displacements in mm, pressures over the shear modulus."""
@@ -78,14 +80,10 @@ KINDS = {
 }
 
 
-def ring(kind: Kind, h: float = 4.0) -> PrescribedMotion:
-    """Return the rings with their socket's outer face fixed, without the shrink fit's share."""
-    inner = LAYERS[-1][2] - kind.overlap
-    section = ring_mesh(
-        MPI.COMM_SELF, [layer[:3] for layer in LAYERS], (inner, inner + THICKNESS), h
-    )
-    laws = {name: law for name, _, _, law in LAYERS} | {tags.SOCKET: SOCKET_LAW}
-    return held_socket(section, laws, Contact())
+def ring(kind: Kind) -> PrescribedMotion:
+    """Return the rings, to be moved by their socket's outer face."""
+    rings = replace(LAYERED, overclosure=kind.overlap)
+    return held_socket(rings.mesh(MPI.COMM_SELF), rings.laws, Contact())
 
 
 def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:

@@ -130,7 +130,7 @@ def fascia_is_modelled(e: Evidence, of: str) -> Fact:
     """Return whether fascia is in both sets, in none with muscle's own material."""
     areas = [region.area for region in e.limb.regions if region.tissue == "fascia"]
     muscle = e.laws["separate"]["muscle"]
-    ignored = any(laws["fascia"] == muscle for laws in e.laws.values())
+    ignored = any(e.laws[name]["fascia"] == muscle for name in SETS)
     return {"value": bool(areas) and not ignored, "n": len(areas), "area": sum(areas)}
 
 

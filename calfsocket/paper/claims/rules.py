@@ -72,7 +72,7 @@ class Words(string.Formatter):
     """Formats the parts of a fact as people read them.
 
     ``{part:n}`` is a number of three digits, ``{part:c}`` a change with its sign, ``{part:r}`` the
-    range of an array; what follows after a blank stands behind every value. Lists are joined by
+    range of several; what follows after a blank stands behind every value. Lists are joined by
     commas, mappings as "name value"; mappings of mappings or of lists by semicolons.
     """
 
@@ -84,11 +84,12 @@ class Words(string.Formatter):
                 f"{name}{':' if nested else ''} {self.format_field(each, spec)}"
                 for name, each in value.items()
             )
-        if isinstance(value, list | tuple):
+        if isinstance(value, list | tuple) and not spec.startswith("r"):
             return ", ".join(self.format_field(each, spec) for each in value) or "none"
         kind, blank, unit = spec.partition(" ")
         if kind == "r":
-            text = f"{number(np.min(value))} to {number(np.max(value))}"
+            ends = dict.fromkeys(number(float(end(value))) for end in (np.min, np.max))
+            text = " to ".join(ends)
         else:
             plain = {"n": number, "c": change}.get(kind)
             text = plain(value) if plain else format(value, kind)
