@@ -194,7 +194,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
         expected = {"A", "B"} if trial.given.error == "ConvergenceError" else {"B"}
         assert set(pd.read_csv(out / "summary.csv").socket) == expected
         assert study.run(resume=True)
-        assert "B_combined: solved already" in caplog.text
+        assert "B_combined: already solved; kept" in caplog.text
     else:
         assert caplog.text.count(trial.given.words[-1]) == 1
     assert same_results(out, unbroken)
