@@ -156,8 +156,8 @@ def test_an_interrupt_is_one_line_that_says_how_to_continue(
     assert cli.main(["--out", str(tmp_path / "r")]) == code
     (line,) = capsys.readouterr().err.splitlines()
     assert line == (
-        f"calfsocket: interrupted; finished cases are complete in {tmp_path / 'r'}, and the same "
-        "command with --resume continues"
+        f"calfsocket: interrupted; the finished cases are complete in {tmp_path / 'r'}, and the "
+        "same command with --resume continues"
     )
 
 
