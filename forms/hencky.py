@@ -24,15 +24,7 @@ from calfsocket.forms.kinematics import Jet, log_ratio_squared
 
 
 def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
-    """Isochoric energy per reference volume and its derivatives by x, MPa.
-
-    Parameters
-    ----------
-    x, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    coefficients : sequence of Expr
-        (mu,), the shear modulus, MPa.
-    """
+    """`mixed.LawForm` of (mu,), the shear modulus, MPa."""
     (mu,) = coefficients
     shear = 0.5 * mu * log_ratio_squared(x)
     return Jet(shear.value + mu * ufl.ln(J) ** 2 / 6.0, shear.first, shear.second)

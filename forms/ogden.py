@@ -25,15 +25,7 @@ from calfsocket.forms.kinematics import Jet, cosh_minus_one, log_ratio_squared
 
 
 def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
-    """Isochoric energy per reference volume and its derivatives by x, MPa.
-
-    Parameters
-    ----------
-    x, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    coefficients : sequence of Expr
-        (mu_1, alpha_1, mu_2, alpha_2, ...): a modulus, MPa, and an exponent, not zero, a term.
-    """
+    """`mixed.LawForm` of (mu_1, alpha_1, mu_2, alpha_2, ...): moduli, MPa, and exponents, not 0."""
     d_squared = log_ratio_squared(x)
     log_J = ufl.ln(J)
     psi, by_x, by_xx = 0.0, 0.0, 0.0

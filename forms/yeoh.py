@@ -16,15 +16,7 @@ from calfsocket.forms.kinematics import Jet, first_invariant
 
 
 def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
-    """Isochoric energy per reference volume and its derivatives by x, MPa.
-
-    Parameters
-    ----------
-    x, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    coefficients : sequence of Expr
-        (C10, C20, C30), MPa.
-    """
+    """`mixed.LawForm` of (C10, C20, C30), MPa."""
     c10, c20, c30 = coefficients
     strain = first_invariant(x, J)
     i = strain.value

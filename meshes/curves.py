@@ -71,14 +71,10 @@ class ClosedCurve:
         """Return x(t), mm, or a derivative of it, shape (..., 2)."""
         return self.spline(t, derivative)
 
-    def tangent(self, t: ArrayLike) -> Array:
-        """Return the unit tangent, counter-clockwise, shape (..., 2)."""
-        velocity = self.evaluate(t, 1)
-        return velocity / np.linalg.norm(velocity, axis=-1, keepdims=True)
-
     def normal(self, t: ArrayLike) -> Array:
         """Return the outward unit normal, shape (..., 2)."""
-        tangent = self.tangent(t)
+        velocity = self.evaluate(t, 1)
+        tangent = velocity / np.linalg.norm(velocity, axis=-1, keepdims=True)
         return np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
 
     def curvature(self, t: ArrayLike) -> Array:

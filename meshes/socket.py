@@ -392,18 +392,8 @@ def resolved(
     for key in changed:
         if key in fields - set(type(like).model_fields):
             raise InputError(f"{source} is a socket of the law {like.law}, which has no {key}")
-    return _as_table(like) | changed
-
-
-def _as_table(socket: AnySocket) -> dict[str, Any]:
-    """Write a socket as a table has it, its quantities with units."""
-    table = {}
-    for name, field in type(socket).model_fields.items():
-        value = getattr(socket, name)
-        written = next((each for each in field.metadata if isinstance(each, Written)), None)
-        if value is not None:
-            table[name] = written.text(value) if written else value
-    return table
+    units = {SHARE.internal: "%"}
+    return like.model_dump(mode="json", exclude_none=True, context={"units": units}) | changed
 
 
 class _Table:

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from series import series_error
 
-from calfsocket.forms.accuracy import series_error
 from calfsocket.materials.laws import Ogden
 from calfsocket.verification.material_point import (
     LAWS,

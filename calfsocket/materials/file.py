@@ -91,5 +91,4 @@ def _key(name: str) -> str:
 def _toml(value: Any) -> str:
     """Write a text, a number or a list of them as TOML, of which JSON's notation is a part."""
     # JSON leaves DEL alone, which TOML wants escaped.
-    plain = list(value) if isinstance(value, tuple) else value
-    return json.dumps(plain, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
