@@ -6,11 +6,10 @@ import numpy as np
 import pandas as pd
 from rich.table import Table
 
-from benchmarks.measure import study
+from benchmarks.measure import ONE, study
 from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR
 
 SIZES = ("7000", "15000", "31900", "65000", "130000", "200000")
-ONE = ("--sockets", "TSB", "--materials", "combined")
 FITTED = (
     "iteration_s",
     "factorisation_s",

@@ -17,6 +17,9 @@ import pandas as pd
 # iteration comes before that of the study.
 ITERATION, OCCURRENCE = "  1 SNES Function norm", 2
 
+ONE = ("--sockets", "TSB", "--materials", "combined")
+"""Options of one run."""
+
 
 @dataclass(frozen=True)
 class Measured:

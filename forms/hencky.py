@@ -9,10 +9,7 @@ In plane strain (e3 = 0), with d = ln(l1/l2) = e1 - e2 and ln J = e1 + e2,
 The Kirchhoff stress has the deviator 2 mu dev(e). Abaqus's "linear elastic" at large strain applies
 the moduli to the Cauchy stress: a factor of J, which an energy cannot have. For bone and PETG
 (strains below 1 %) nothing of that is measurable; in vessels the deviator differs by their change
-of volume.
-
-Hencky 1928; Anand, On H. Hencky's approximate strain-energy function, 1979,
-doi:10.1115/1.3424532.
+of volume. References are those of `materials.hencky.Hencky`.
 """
 
 from collections.abc import Sequence

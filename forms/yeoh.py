@@ -2,10 +2,7 @@ r"""Yeoh's law.
 
     psi = C10 (I1b - 3) + C20 (I1b - 3)^2 + C30 (I1b - 3)^3
 
-with the deviatoric first invariant (`kinematics.first_invariant`). The initial shear modulus is
-mu_0 = 2 C10.
-
-Yeoh, Some forms of the strain energy function for rubber, 1993, doi:10.5254/1.3538343.
+with the deviatoric first invariant (`kinematics.first_invariant`); see `materials.yeoh.Yeoh`.
 """
 
 from collections.abc import Sequence

@@ -74,7 +74,7 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     inner, outer = socket.faces(limb_curves(limb)[limb.contact_boundary])
     return quality_table(
         mesh,
-        {region.name: region.tissue for region in limb.regions} | {tags.SOCKET: tags.SOCKET},
+        limb.tissues | {tags.SOCKET: tags.SOCKET},
         {region.name: region.area for region in limb.regions}
         | {tags.SOCKET: outer.area - inner.area},
     )

@@ -78,7 +78,7 @@ class Socket(Strict):
     modulus: Modulus | None = None
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
 
-    _remedy: ClassVar[str]
+    _remedy: ClassVar[str] = "use smaller or wider bumps"  # where a face crosses itself
 
     @staticmethod
     def reference(name: str) -> "AnySocket":
@@ -188,8 +188,6 @@ class NormalOffset(Socket):
     base: Offset
     bumps: tuple[Bump, ...] = ()
 
-    _remedy: ClassVar[str] = "use smaller or wider bumps"
-
     def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
         """Return the skin moved inward."""
         return curves.offset(
@@ -221,8 +219,6 @@ class CircleBlend(Socket):
     area_reduction: AreaReduction
     roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
     bumps: tuple[Bump, ...] = ()
-
-    _remedy: ClassVar[str] = "use smaller or wider bumps"
 
     def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
         """Return the blend."""

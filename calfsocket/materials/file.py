@@ -31,10 +31,6 @@ from calfsocket.materials.laws import IN_FILES, AnyLaw, Law
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
 
 
-class _Content(RootModel[AnyLaw]):
-    """A law's table."""
-
-
 def read_material(path: Path) -> Law:
     """Read a material file.
 
@@ -61,7 +57,8 @@ def law_in(path: Path, content: Mapping[str, Any]) -> Law:
     table = {key: value for key, value in content.items() if key != "provenance"}
     if "law" not in table:
         raise InputError(f"{path}: law is missing; give one of {', '.join(IN_FILES)}")
-    return cast(Law, checked(path, table, _Content).root)  # a neo-Hookean one has become Ogden's
+    # A neo-Hookean one has become Ogden's.
+    return cast(Law, checked(path, table, RootModel[AnyLaw]).root)
 
 
 def write_material(path: Path, law: Law, provenance: Provenance) -> None:
