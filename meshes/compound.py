@@ -149,7 +149,7 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
             for level, (left_side, right_side) in enumerate(sides)
         )
         within = [gmsh_model.add_region(muscle) for muscle in muscles]
-        plate = add_plate(compound.plate, 0.0, heights[-1], side=1)
+        plate, face, back = add_plate(compound.plate, 0.0, heights[-1], side=1)
         gmsh_model.mesh(
             {
                 "skin": skin,
@@ -157,12 +157,12 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
                 "fascia": fascia,
                 **dict(zip(compound.muscles, within, strict=True)),
                 "bone": bone,
-                tags.SOCKET: plate.surface,
+                tags.SOCKET: plate,
             },
             {
                 tags.SKIN_SURFACE: [across[-1]],
-                tags.SOCKET_INNER: plate.face,
-                tags.SOCKET_OUTER: plate.back,
+                tags.SOCKET_INNER: face,
+                tags.SOCKET_OUTER: back,
                 tags.TIBIA_MEDULLARY: [across[0]],
                 tags.SIDES: [*chain(*sides)],
             },
@@ -172,7 +172,7 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
                 fascia=[*across[1:3], *chain(*muscles)],
                 corners=[arc for muscle in muscles for arc in muscle[::2]],
                 skin=across[-2:],
-                plate=plate.face,
+                plate=face,
             ),
         )
         return smooth(gmsh_model.extract())
