@@ -9,7 +9,7 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.paper import comparison
 from calfsocket.paper.calibration import Calibration, read_calibration
@@ -26,7 +26,6 @@ SOCKETS = ("TC", "TSB", "HS")
 CASES = tuple((socket, name) for socket in SOCKETS for name in SETS)
 """The paper's six cases."""
 
-SOFT_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
 STRESSES = ("effective_stress", "shear_stress")
 STRAINS = ("amp_log_strain", "shear_log_strain")
 
@@ -42,15 +41,10 @@ class NotChecked(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """A study's inputs and results, and what is computed from them for more than one claim.
-
-    Attributes
-    ----------
-    findings : Findings
-        Of the paper's cases alone, in a study.
-    """
+    """A study's inputs and results, and what is computed from them for more than one claim."""
 
     findings: Findings
+    """Of the paper's cases alone, in a study."""
 
     @property
     def results(self) -> Results:
@@ -77,11 +71,6 @@ class Evidence:
         """Material set -> tissue -> law and parameters (MPa)."""
         return inputs.laws(self.results)
 
-    @cached_property
-    def limb(self) -> Limb:
-        """The limb as meshed."""
-        return self.run.limb
-
     @property
     def run(self) -> StudyRecord:
         """Inputs and versions of the study."""
@@ -97,7 +86,7 @@ class Evidence:
     @cached_property
     def skin(self) -> ClosedCurve:
         """Undeformed outline of the limb."""
-        return limb_curves(self.limb)[self.limb.contact_boundary]
+        return limb_curves(self.run.limb)[self.run.limb.contact_boundary]
 
     @cached_property
     def inner_faces(self) -> dict[str, ClosedCurve]:
@@ -121,13 +110,7 @@ class Evidence:
 
     @cached_property
     def calibration(self) -> Calibration:
-        """The calibration in the study's folder.
-
-        Raises
-        ------
-        InputError
-            When there is none (`NoCalibration`), or it cannot be used.
-        """
+        """The calibration in the study's folder (see `read_calibration`)."""
         return read_calibration(self.results.folder)
 
     def checked_calibration(self) -> Calibration:
@@ -161,11 +144,8 @@ class Evidence:
 
     def row(self, socket: str, material_set: str, tissue: str, quantity: str) -> pd.Series:
         """Row of the summary; refuse the check when the case is missing."""
+        key = {"socket": socket, "material_set": material_set}
         self.need([(socket, material_set)])
+        wanted = pd.Series(key | {"tissue": tissue, "quantity": quantity})
         rows = self.results.summary
-        return rows[
-            (rows.socket == socket)
-            & (rows.material_set == material_set)
-            & (rows.tissue == tissue)
-            & (rows["quantity"] == quantity)
-        ].iloc[0]
+        return rows[(rows[wanted.index] == wanted).all(axis=1)].iloc[0]

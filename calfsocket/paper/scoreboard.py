@@ -5,13 +5,14 @@ by hand. Claims on results are counted apart from those that only restate an inp
 from those that compare the paper with itself: these hold by construction.
 """
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 
 import pandas as pd
 
 from calfsocket.paper import published
-from calfsocket.paper.claims import found, given  # noqa: F401  (they register their facts)
-from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, holds, in_words
+from calfsocket.paper.claims import found, given
+from calfsocket.paper.claims.rules import INPUT, PAPER, RESULT, Fact, holds, in_words
 from calfsocket.paper.evidence import Evidence, NotChecked
 from calfsocket.report.table import Table, listed
 
@@ -26,6 +27,13 @@ KINDS = {
     PAPER: "claims that the paper's own numbers decide",
 }
 """What a claim may judge, in words."""
+
+FACTS: dict[str, Callable[[Evidence, str], Fact]] = {
+    name: function
+    for module in (given, found)
+    for name, function in inspect.getmembers(module, inspect.isfunction)
+    if function.__module__ == module.__name__ and not name.startswith("_")
+}
 
 
 def scoreboard(evidence: Evidence) -> pd.DataFrame:

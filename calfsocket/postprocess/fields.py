@@ -89,6 +89,15 @@ class SectionFields:
         if np.linalg.det(self.deformation_gradient).min() <= 0:
             raise ValueError("deformation_gradient has det F <= 0: a cell is inverted")
 
+    @property
+    def deformed(self) -> NDArray[np.float64]:
+        """Deformed positions of the nodes, mm, (n_nodes, 2)."""
+        return self.points + self.displacement
+
+    def cells_of(self, *tissues: str) -> NDArray[np.int64]:
+        """Return the indices of the cells of some tissues."""
+        return np.flatnonzero(np.isin(self.tissue, [TISSUES.index(name) for name in tissues]))
+
     @cached_property
     def gauss_area(self) -> NDArray[np.float64]:
         """Area of the reference section that each Gauss point stands for, mm^2, (n_cells, 3)."""

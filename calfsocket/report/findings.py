@@ -13,15 +13,7 @@ from calfsocket.simulation.results import Key, Results
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A study's results and what follows from them.
-
-    Attributes
-    ----------
-    study : Results
-        All cases.
-    thresholds : DamageThresholds
-        Strains beyond which tissue is counted as at risk.
-    """
+    """A study's results and what follows from them."""
 
     study: Results
     thresholds: DamageThresholds = field(default_factory=DamageThresholds)
