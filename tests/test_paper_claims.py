@@ -24,14 +24,13 @@ from calfsocket.paper.scoreboard import (
 )
 from calfsocket.report.changes import magnitude_change
 from calfsocket.report.damage import DamageThresholds
-from calfsocket.report.findings import Findings
 from calfsocket.simulation.results import Results, load_results
 from calfsocket.study.document import ModelTable
 from report_results import ALL, limb_study, results_of, with_summary, with_value
 
 
 def evidence(results: Results, thresholds: DamageThresholds | None = None) -> Evidence:
-    return Evidence(Findings(results, thresholds or DamageThresholds()))
+    return Evidence(results, thresholds or DamageThresholds())
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +166,7 @@ def paper(six_results) -> Evidence:
     rows["magnitude_change_pct"] = [
         magnitude_change(*pair) for pair in zip(rows.separate, rows.combined, strict=True)
     ]
-    made.findings.__dict__["changes"] = rows.assign(region="")  # which are computed once
+    made.__dict__["changes"] = rows.assign(region="")  # which are computed once
     return made
 
 

@@ -14,13 +14,11 @@ from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.paper import comparison
 from calfsocket.paper.calibration import Calibration, read_calibration
 from calfsocket.report import inputs
-from calfsocket.report.changes import SETS, complete_sockets
-from calfsocket.report.damage import DamageThresholds
+from calfsocket.report.changes import complete_sockets
 from calfsocket.report.findings import Findings
-from calfsocket.report.names import material_set
+from calfsocket.report.names import SETS, material_set
 from calfsocket.simulation.record import StudyRecord
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import Results
 
 SOCKETS = ("TC", "TSB", "HS")
 CASES = tuple((socket, name) for socket in SOCKETS for name in SETS)
@@ -40,26 +38,8 @@ class NotChecked(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """A study's inputs and results, and what is computed from them for more than one claim."""
-
-    findings: Findings
-    """Of the paper's cases alone, in a study."""
-
-    @property
-    def results(self) -> Results:
-        """The paper's cases that are solved."""
-        return self.findings.results
-
-    @property
-    def thresholds(self) -> DamageThresholds:
-        """Damage thresholds that were asked for."""
-        return self.findings.thresholds
-
-    @property
-    def changes(self) -> pd.DataFrame:
-        """Relative changes from the Separate to the Combined set."""
-        return self.findings.changes
+class Evidence(Findings):
+    """Findings of the paper's cases alone, and what is computed for more than one claim."""
 
     @cached_property
     def settings(self) -> dict[str, Any]:
@@ -101,12 +81,12 @@ class Evidence:
     @cached_property
     def maxima(self) -> pd.DataFrame:
         """`comparison.maxima` of the study."""
-        return comparison.maxima(self.findings)
+        return comparison.maxima(self)
 
     @cached_property
     def compared_changes(self) -> pd.DataFrame:
         """`comparison.changes` of the study."""
-        return comparison.changes(self.findings)
+        return comparison.changes(self)
 
     @cached_property
     def calibration(self) -> Calibration:

@@ -61,15 +61,11 @@ def check(identifier: str, evidence: Evidence) -> dict[str, str]:
         fact = FACTS[about.fact](evidence, about.of)
     except NotChecked as reason:
         return {"verdict": UNCHECKED, "ours": "", "paper": "", "why": str(reason)}
-    agrees = holds(about.rule, fact["value"], about.expected)
-    why = "" if agrees else in_words(about.why, fact) or "ours differs from the paper's"
-    verdict = HOLDS if agrees else FAILS
-    return {
-        "verdict": verdict,
-        "ours": in_words(about.ours, fact),
-        "paper": about.paper,
-        "why": why,
-    }
+    found = {"ours": in_words(about.ours, fact), "paper": about.paper}
+    if holds(about.rule, fact["value"], about.expected):
+        return {"verdict": HOLDS, **found, "why": ""}
+    why = in_words(about.why, fact) or "ours differs from the paper's"
+    return {"verdict": FAILS, **found, "why": why}
 
 
 def counts(board: pd.DataFrame, judges: str = RESULT) -> dict[str, int]:
@@ -85,11 +81,8 @@ def tally(counted: Mapping[str, int]) -> str:
 
 def parts(board: pd.DataFrame) -> list[str]:
     """Return the counts of each kind of claims in words, those on results first."""
-    texts = []
-    for judges, what in KINDS.items():
-        counted = counts(board, judges)
-        texts.append(f"{sum(counted.values())} {what} ({tally(counted)})")
-    return texts
+    counted = {what: counts(board, judges) for judges, what in KINDS.items()}
+    return [f"{sum(each.values())} {what} ({tally(each)})" for what, each in counted.items()]
 
 
 def table(board: pd.DataFrame) -> Table:

@@ -74,15 +74,8 @@ def log_strain(deformation_gradient: NDArray[np.float64]) -> NDArray[np.float64]
     ln V = (ln J / 2) I + ln((m + r)/J)/(2r) dev B, with B = F F^T, m = tr B / 2 and m -+ r its
     eigenvalues. The factor of dev B is regular as r -> 0, where eigenvectors are not.
 
-    Parameters
-    ----------
-    deformation_gradient
-        In-plane F, det F > 0, (..., 2, 2); F33 = 1.
-
-    Returns
-    -------
-    strain
-        e11, e22 and the tensor's e12 (half of the engineering shear), (..., 3).
+    The in-plane F (..., 2, 2) has det F > 0, and F33 = 1. The result, (..., 3), is e11, e22 and the
+    tensor's e12 (half of the engineering shear).
     """
     f = deformation_gradient
     b = f @ np.swapaxes(f, -1, -2)

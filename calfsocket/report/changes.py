@@ -22,11 +22,9 @@ from calfsocket.postprocess.quantities import (
     first_largest,
     reported,
 )
+from calfsocket.report.names import SETS
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
-
-SETS = ("separate", "combined")
-"""Material sets that are compared."""
 
 COLUMNS = (
     "socket",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from calfsocket.io.errors import InputError
 from calfsocket.plotting.style import save, type_set
-from calfsocket.report import answer, inputs, method, tables, variants
+from calfsocket.report import answer, method, tables, variants
 from calfsocket.report.chapters import Chapter, Content, Drawn, Figure, Guest
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.figures import figures
@@ -61,7 +61,8 @@ def write_report(
 
 
 def _title(results: Results, guests: Sequence[Guest]) -> str:
-    titles = [inputs.title(results), *(guest.title for guest in guests)]
+    content = results.run.study.content if results.run else {}
+    titles = [content.get("study", {}).get("title"), *(guest.title for guest in guests)]
     return next(filter(None, titles), TITLE)
 
 

@@ -25,9 +25,9 @@ from calfsocket.paper.evidence import (
     run_name,
 )
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
-from calfsocket.report.changes import SETS, magnitude_change, relative_change
+from calfsocket.report.changes import magnitude_change, relative_change
 from calfsocket.report.damage import DamageThresholds
-from calfsocket.report.names import QUANTITIES, material_set, region
+from calfsocket.report.names import QUANTITIES, SETS, material_set, region
 from calfsocket.report.table import number
 from calfsocket.simulation.results import Key
 

@@ -24,8 +24,8 @@ from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
 from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES, Maximum, Quantities, reported
 from calfsocket.postprocess.thresholds import tissue_area
-from calfsocket.report.changes import SETS, relative_change
-from calfsocket.report.names import QUANTITIES
+from calfsocket.report.changes import relative_change
+from calfsocket.report.names import QUANTITIES, SETS
 
 LIMB_TISSUES = ("skin", "fat", "fascia", "muscle", "bone", "vessel")
 POISSON_RATIO = 0.495
@@ -396,7 +396,7 @@ def contact_spikes(e: Evidence, of: str) -> Fact:
 
 def muscle_threshold(e: Evidence, of: str) -> Fact:
     """Return the shear strain beyond which muscle counts to the damage risk volume, %."""
-    rows = e.findings.damage
+    rows = e.damage
     areas = {
         run_name((row.socket, row.material_set)): row.area_mm2
         for row in rows[rows.tissue == "muscle"].itertuples()
@@ -406,14 +406,14 @@ def muscle_threshold(e: Evidence, of: str) -> Fact:
 
 def fascia_threshold(e: Evidence, of: str) -> Fact:
     """Return the strain beyond which fascia counts as damaged, %."""
-    rows = e.findings.damage
+    rows = e.damage
     largest = rows[rows["quantity"] == "tensile_log_strain"].level_pct.max()
     return {"value": e.thresholds.fascia_strain_pct, "largest": largest}
 
 
 def flat_plate(e: Evidence, of: str) -> Fact:
     """Return the share of the calibration's plate that is flat between its rounded edges."""
-    given = e.checked_calibration().inputs
+    given = e.checked_calibration().record.inputs
     flat = given.plate.width - 2 * given.plate.edge_radius
     return {"value": flat / given.plate.width, "flat": flat, "given": given}
 
