@@ -182,6 +182,7 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         # What differs in the file's tables says more than the names of the cases.
         words = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
         raise InputError(
-            f"--out {out}: contains results of other inputs ({', '.join(words or changed)} changed); "
+            f"--out {out}: contains results of other inputs "
+            f"({', '.join(words or changed)} changed); "
             "name another folder, or add --overwrite to replace them"
         )
