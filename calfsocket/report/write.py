@@ -136,7 +136,7 @@ def _joined(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapte
         else:
             place = anchors.index(chapter.after) + 1 if chapter.after else len(joined)
             joined.insert(place, chapter)
-    return [chapter for chapter in chapters if chapter.content]
+    return [chapter for chapter in joined if chapter.content]
 
 
 def _drawn(chapters: Sequence[Chapter], guests: Sequence[Guest], folder: Path) -> list[Chapter]:

@@ -167,10 +167,12 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         raise InputError(
             f"--out {out}: {error.strerror}; name a folder that can be written to"
         ) from None
+    advice = "name another folder, or add --overwrite to replace its results"
     try:
         before = read_run(path)
     except InputError as error:
-        raise InputError(f"{error}; or add --overwrite to replace its results") from None
+        what, *_ = str(error).split("; ")  # what to do is another thing here
+        raise InputError(f"{what}; {advice}") from None
     now = flat({"settings": plan.settings, "thresholds": [*map(asdict, plan.thresholds)]})
     then = flat({"settings": before.settings, "thresholds": [*before.thresholds]})
     changed = [
@@ -183,6 +185,5 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         words = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
         raise InputError(
             f"--out {out}: contains results of other inputs "
-            f"({', '.join(words or changed)} changed); "
-            "name another folder, or add --overwrite to replace them"
+            f"({', '.join(words or changed)} changed); {advice}"
         )
