@@ -19,49 +19,26 @@ CURVE_STEP = 0.1
 
 @dataclass(frozen=True)
 class Placement:
-    """A socket on a limb, both undeformed.
+    """A socket on a limb, both undeformed; an overlap is negative where the skin is clear of it."""
 
-    Attributes
-    ----------
-    area_reduction : float
-        Area within the inner face over that of the limb, 1 minus that.
-    perimeter_reduction : float
-        The same of the perimeters.
-    touching : float
-        Share of the skin that lies outside the inner face and will be pressed.
-    smallest_overlap, mean_overlap, largest_overlap : float
-        How deep the skin lies in the socket, mm; negative where it is clear of it.
-    smallest_angle, largest_angle : float
-        Polar angles of the smallest and the largest overlap, degrees.
-    squeezed : float
-        Greatest depth as a share of the soft tissue, from the skin to the nearest bone.
-    """
-
-    area_reduction: float
-    perimeter_reduction: float
-    touching: float
-    smallest_overlap: float
+    area_reduction: float  #: area within the inner face over that of the limb, 1 minus that
+    perimeter_reduction: float  #: the same of the perimeters
+    touching: float  #: share of the skin that lies outside the inner face and will be pressed
+    smallest_overlap: float  #: how deep the skin lies in the socket, mm
     mean_overlap: float
     largest_overlap: float
-    smallest_angle: float
+    smallest_angle: float  #: polar angle of the smallest overlap, degrees
     largest_angle: float
-    squeezed: float
+    squeezed: float  #: greatest depth as a share of the tissue from the skin to the nearest bone
 
 
 def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
     """Measure how a socket sits on a limb, and refuse what cannot be solved.
 
-    Parameters
-    ----------
-    socket, limb
-        Both undeformed.
-    name
-        The socket's, for errors.
-
     Raises
     ------
     InputError
-        In one line, naming the socket and where: a face that crosses itself, a wall that folds
+        In one line, with `name` in front and where: a face that crosses itself, a wall that folds
         over, a socket beside the limb, one that does not press on it, or one whose
         inner face reaches into bone.
 

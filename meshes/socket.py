@@ -78,7 +78,7 @@ class Socket(Strict):
     modulus: Modulus | None = None
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
 
-    _remedy: ClassVar[str]
+    _remedy: ClassVar[str] = "use smaller or wider bumps"  # where a face crosses itself
 
     @staticmethod
     def reference(name: str) -> "AnySocket":
@@ -188,8 +188,6 @@ class NormalOffset(Socket):
     base: Offset
     bumps: tuple[Bump, ...] = ()
 
-    _remedy: ClassVar[str] = "use smaller or wider bumps"
-
     def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
         """Return the skin moved inward."""
         return curves.offset(
@@ -221,8 +219,6 @@ class CircleBlend(Socket):
     area_reduction: AreaReduction
     roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
     bumps: tuple[Bump, ...] = ()
-
-    _remedy: ClassVar[str] = "use smaller or wider bumps"
 
     def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
         """Return the blend."""
@@ -393,18 +389,8 @@ def resolved(
     for key in changed:
         if key in fields - set(type(like).model_fields):
             raise InputError(f"{source} is a {like.law} socket, which has no key '{key}'")
-    return _as_table(like) | changed
-
-
-def _as_table(socket: AnySocket) -> dict[str, Any]:
-    """Write a socket as a table has it, its quantities with units."""
-    table = {}
-    for name, field in type(socket).model_fields.items():
-        value = getattr(socket, name)
-        written = next((each for each in field.metadata if isinstance(each, Written)), None)
-        if value is not None:
-            table[name] = written.text(value) if written else value
-    return table
+    units = {SHARE.internal: "%"}
+    return like.model_dump(mode="json", exclude_none=True, context={"units": units}) | changed
 
 
 class _Table:

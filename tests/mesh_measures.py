@@ -8,8 +8,19 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from calfsocket.meshes.quality import NODES, Array, determinant, jacobians
+from calfsocket.meshes.curves import Array
+from calfsocket.meshes.quality import NODES, areas, determinant, jacobians
 from calfsocket.meshes.triangles import TriangleMesh
+
+
+def area(mesh: TriangleMesh, region: str) -> float:
+    """Area of a region, mm^2."""
+    return areas(mesh.coordinates)[mesh.cell_tags == mesh.regions[region]].sum()
+
+
+def facets(mesh: TriangleMesh, boundary: str) -> NDArray[np.int64]:
+    """Nodes of the facets of a boundary, (k, 3)."""
+    return mesh.facets[mesh.facet_tags == mesh.boundaries[boundary]]
 
 
 def jacobian_bounds(x: Array) -> tuple[Array, Array]:

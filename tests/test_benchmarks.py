@@ -41,10 +41,7 @@ def test_exponents_are_those_of_the_costs(monkeypatch):
             columns=["level", "what", "seconds"],
         )
         case = {
-            "cells": n,
-            "unknowns": 9 * n,
-            "newton_iterations": 10,
-            "failed_steps": 0,
+            "checks": {"cells": n, "unknowns": 9 * n, "newton_iterations": 10, "failed_steps": 0},
             "seconds": {"mesh": 1e-4 * n, "solve": 10 * (1e-6 * (n**1.5 + n**1.1) + 1e-5 * n)},
         }
         return measure.Measured(1.0, 0.5, 0.1 * n**1.2, {"cases": {"one": case}}, profile)

@@ -298,13 +298,9 @@ def test_a_foreign_checkpoint_is_left_aside(unbroken, tmp_path, caplog):
 
 
 def test_digests_are_of_a_case_alone(unbroken):
-    tables = ("summary.csv", "steps.csv")
-    one, other = (
-        restart.digests(unbroken, f"{socket}_combined", {"socket": socket}, tables)
-        for socket in "AB"
-    )
+    one, other = (restart.digests(unbroken, (socket, "combined")) for socket in "AB")
     assert one["summary.csv"] != other["summary.csv"]
-    nobody = restart.digests(unbroken, "C_combined", {"socket": "C"}, tables)
+    nobody = restart.digests(unbroken, ("C", "combined"))
     assert nobody["C_combined/fields.vtu"] is None
 
 

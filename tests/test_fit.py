@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, brentq
+from series import series_error
 
 from calfsocket.fit import problem
 from calfsocket.fit.data import Test
@@ -14,7 +15,6 @@ from calfsocket.fit.families import ALPHA_MAX, START_ALPHAS, family
 from calfsocket.fit.modes import MODES, engineering_stress
 from calfsocket.fit.regression import Fit, fit
 from calfsocket.fit.stability import StableRange, stable_ranges, tangents
-from calfsocket.forms.accuracy import series_error
 from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
 from calfsocket.materials.laws import Hencky, Ogden, Yeoh, neo_hookean

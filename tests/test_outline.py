@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry import LIMB, SKIN
-from mesh_measures import jacobian_bounds
+from mesh_measures import area, jacobian_bounds
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -15,10 +15,8 @@ from calfsocket.meshes import curves, section
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.outline import MANY_POINTS, read_outline
 from calfsocket.meshes.placement import check_placement
-from calfsocket.meshes.quality import areas
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.socket import Outline, Socket
-from calfsocket.meshes.tags import SOCKET_ID
 from drawings import dxf
 
 TSB = Socket.reference("TSB")
@@ -142,11 +140,6 @@ def test_the_reference_socket_comes_back_from_a_file(
     assert found.mean_overlap == pytest.approx(wanted.mean_overlap, abs=1e-3)
 
 
-def curve_centre(name: str) -> tuple[float, float]:
-    """Of the circle below, whose y axis points down in an SVG."""
-    return (3.0, 4.0) if name.endswith("dxf") else (3.0, -4.0)
-
-
 def test_shapes_of_known_area(tmp_path: Path) -> None:
     """Circle, ellipse, and two lines with two arcs, as loose entities and as one polyline."""
     stadium = [(-20, -40, 0), (20, -40, 1), (20, 40, 0), (-20, 40, 1)]
@@ -170,16 +163,17 @@ def test_shapes_of_known_area(tmp_path: Path) -> None:
         "ellipse.svg": ('<ellipse rx="50" ry="40" transform="rotate(30)"/>', np.pi * 50 * 40),
         "stadium.svg": (f'<path d="{half_circles}"/>', np.pi * 40**2 + 80 * 40),
     }
-    for name, (draw, area) in drawings.items():
+    for name, (draw, enclosed) in drawings.items():
         if callable(draw):
             draw(tmp_path / name)
         else:
             head = '<svg xmlns="http://www.w3.org/2000/svg" width="1in" viewBox="0 0 25.4 1">'
             (tmp_path / name).write_text(f"{head}{draw}</svg>")
         curve = curves.through(read_outline(tmp_path / name))
-        assert curve.area == pytest.approx(area, rel=1e-5), name
+        assert curve.area == pytest.approx(enclosed, rel=1e-5), name
         if name.startswith("circle"):
-            radius = np.linalg.norm(curve.evaluate(curve.sample(0.1)) - curve_centre(name), axis=1)
+            centre = (3.0, 4.0 if name.endswith("dxf") else -4.0)  # y points down in an SVG
+            radius = np.linalg.norm(curve.evaluate(curve.sample(0.1)) - centre, axis=1)
             assert radius == pytest.approx(np.full(len(radius), 50.0), abs=2e-4)
 
 
@@ -235,5 +229,4 @@ def test_an_outline_is_meshed_with_its_wall(tmp_path: Path) -> None:
     assert custom == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0, name="custom")
     mesh = section.build(LIMB, custom, mesh_size("coarse"))
     assert jacobian_bounds(mesh.coordinates)[0].min() > 0
-    wall = areas(mesh.coordinates)[mesh.cell_tags == SOCKET_ID].sum()
-    assert wall == pytest.approx(3 * FACE.perimeter + 9 * np.pi, rel=1e-3)
+    assert area(mesh, "socket") == pytest.approx(3 * FACE.perimeter + 9 * np.pi, rel=1e-3)

@@ -133,18 +133,8 @@ class ContactInterface:
     Every rank has the skin points of its own cells and a copy of the whole socket face, which is
     a curve of some hundred edges.
 
-    Parameters
-    ----------
-    w : fem.Function
-        Mixed unknowns; sub-space 0 is the displacement in mm.
-    section : SectionMesh
-        Mesh with both boundaries.
-    laws : mapping of region name to law
-        Law of each region; one kind alone meets the skin's surface.
-    fields : LawFields
-        Parameters of the laws.
-    pair : ContactPair
-        Names of the two boundaries, friction and Nitsche stiffness.
+    It is made from the mixed unknowns `w`, whose sub-space 0 is the displacement in mm, the mesh
+    with both boundaries, and the law of each region; one kind alone meets the skin's surface.
 
     Attributes
     ----------
@@ -321,17 +311,10 @@ class ContactInterface:
         self.converged_arc = self._earlier_arc
 
     def force(self, state: ContactState) -> tuple[FloatArray, float]:
-        """Force on the skin, N/mm, and the integral of contact pressure over it (collective).
-
-        Parameters
-        ----------
-        state : ContactState
-            Contact at the points of this rank.
-        """
-        at, law = state.projection, state.traction
-        traction = law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent
+        """Force on the skin, N/mm, and the integral of contact pressure over it (collective)."""
+        traction, pressure = nitsche.traction_vector(state), state.traction.pressure
         weight = self.points.weight
-        total = self.comm.allreduce(np.array([*(weight @ traction), weight @ law.pressure]))
+        total = self.comm.allreduce(np.array([*(weight @ traction), weight @ pressure]))
         return total[:2], float(total[2])
 
     # -- assembly -------------------------------------------------------------------------------
@@ -396,16 +379,6 @@ class ContactPair:
     socket: str
     parameters: Contact = field(default_factory=Contact)
     kind: Callable[..., ContactInterface] = ContactInterface
-
-    def bind(
-        self,
-        w: fem.Function,
-        section: SectionMesh,
-        laws: Mapping[str, Law],
-        fields: LawFields,
-    ) -> ContactInterface:
-        """Make the interface of a problem (collective); parameters as of `ContactInterface`."""
-        return self.kind(w, section, laws, fields, self)
 
 
 def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:

@@ -90,20 +90,9 @@ def contact_state(
 ) -> ContactState:
     """Contact pressure, shear and status from the skin's traction, gap and slip.
 
-    Parameters
-    ----------
-    position : (n, 2)
-        Deformed skin points, in mm.
-    nominal_traction : (n, 2)
-        T = P N of the skin, in MPa, pressure part included.
-    projection : Projection
-        Their closest points.
-    closing : (n,)
-        The shrink fit's part of the gap, (1 - load) min(initial gap, 0), in mm.
-    slip : (n,)
-        Slip of the load step, in mm.
-    parameters : Contact
-        Friction and Nitsche stiffness.
+    Deformed skin points in mm and their nominal traction T = P N in MPa, pressure part included,
+    are (n, 2). `closing` is the shrink fit's part of the gap, (1 - load) min(initial gap, 0), and
+    `slip` that of the load step, both (n,) in mm.
     """
     gap = np.sum((position - projection.point) * projection.normal, axis=1)
     reduced_gap = gap - closing
@@ -138,7 +127,7 @@ def residual(points: SkinPoints, state: ContactState) -> tuple[FloatArray, Float
     socket : (n, 3, 2)
         Entries for the displacements of the socket edge's nodes, in N/mm.
     """
-    traction = points.weight[:, None] * _traction_vector(state)
+    traction = points.weight[:, None] * traction_vector(state)
     skin = -np.einsum("nck,nc->nk", points.shape, traction)
     socket = np.einsum("na,nc->nac", shape_functions(state.projection.xi)[0], traction)
     return skin, socket
@@ -204,7 +193,7 @@ def tangent(
     lever = -points.weight[:, None, None] * d_offset.transpose(0, 2, 1)
     by_motion = lever @ d_traction
     # The socket's test functions move along the edge with the closest point.
-    moving = np.einsum("na,nc->nac", d_values, _traction_vector(state)).reshape(n, 6)
+    moving = np.einsum("na,nc->nac", d_values, traction_vector(state)).reshape(n, 6)
     by_motion[:, m:, :] += (points.weight[:, None] * moving)[:, :, None] * d_xi[:, None, :]
 
     normal, along = at.normal[:, None, :], at.tangent[:, None, :]
@@ -274,7 +263,7 @@ def _offset_variation(points: SkinPoints, at: Projection) -> FloatArray:
     return np.concatenate([points.shape, socket], axis=2)
 
 
-def _traction_vector(state: ContactState) -> FloatArray:
+def traction_vector(state: ContactState) -> FloatArray:
     """Traction on the skin, p n + q e, in MPa; (n, 2)."""
     at, law = state.projection, state.traction
     return law.pressure[:, None] * at.normal + law.shear[:, None] * at.tangent

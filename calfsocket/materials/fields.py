@@ -23,16 +23,8 @@ def kind(law: Law) -> Kind:
 class LawFields:
     """Parameters of the laws of a mesh, constant in each cell (collective).
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Distributed mesh.
-    cell_tags : MeshTags
-        Region of every cell.
-    regions : mapping of str to int
-        Tag of each region.
-    region_laws : mapping of str to Law
-        Law of each region that has cells.
+    `cell_tags` has the region of every cell, `regions` the tag of each region, and `region_laws`
+    the law of each region that has cells.
 
     Attributes
     ----------

@@ -119,21 +119,17 @@ class CondensedTangent:
     def _set_up(self, keeps_constant: NDArray[np.bool_]) -> None:
         self._kept = keeps_constant
         self._keeps_constant = keeps_constant[: len(self._inside)].astype(np.uint8)
-        self._number_outside(self._V, self._constrained, keeps_constant)
+        self._number_outside()
         self._lay_out()
         self._assembled = False
         self._b, self._x = self.matrix.createVecs()
 
     # -- numbering and pattern ------------------------------------------------------------------
 
-    def _number_outside(
-        self,
-        V: fem.FunctionSpace,
-        constrained: NDArray[np.bool_],
-        keeps_constant: NDArray[np.bool_],
-    ) -> None:
-        index_map = V.dofmap.index_map
-        dofs = V.dofmap.list
+    def _number_outside(self) -> None:
+        constrained, keeps_constant = self._constrained, self._kept
+        index_map = self._V.dofmap.index_map
+        dofs = self._V.dofmap.list
         is_outside = np.zeros(len(constrained), dtype=bool)
         is_outside[dofs[:, _DISPLACEMENTS]] = True
         is_outside[constrained] = False
@@ -405,15 +401,7 @@ class CondensedTangent:
 
 
 class _PrescribedColumns:
-    """Columns of the condensed matrix that belong to constrained displacements, cell by cell.
-
-    Parameters
-    ----------
-    V : fem.FunctionSpace
-        As for `CondensedTangent`.
-    constrained : (n,) bool
-        Markers of constrained local unknowns, ghosts included.
-    """
+    """Columns of the condensed matrix that belong to constrained displacements, cell by cell."""
 
     def __init__(self, V: fem.FunctionSpace, constrained: NDArray[np.bool_]) -> None:
         n_cells = V.mesh.topology.index_map(2).size_local

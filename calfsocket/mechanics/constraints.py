@@ -37,21 +37,10 @@ class Constraint:
 def constrained_unknowns(
     V: fem.FunctionSpace, section: SectionMesh, constraints: Sequence[Constraint]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Find what is constrained, and the values at full load (collective).
+    """Find which local unknowns of V are constrained, and their values at full load (collective).
 
-    Parameters
-    ----------
-    V : fem.FunctionSpace
-        Mixed space; its sub-space 0 is the displacement.
-    section : SectionMesh
-        The boundaries.
-    constraints : sequence of Constraint
-        Where two of them meet the first one counts.
-
-    Returns
-    -------
-    constrained, values
-        Of all local unknowns, ghosts included.
+    Ghosts are included. Sub-space 0 of V is the displacement. Where two constraints meet the first
+    one counts.
     """
     n = V.dofmap.index_map.size_local + V.dofmap.index_map.num_ghosts
     constrained, values = np.zeros(n, dtype=bool), np.zeros(n)

@@ -29,15 +29,6 @@ class Foundation:
 class FoundationTerm:
     """An elastic foundation on a mesh: force -k (u - u0) per volume.
 
-    Parameters
-    ----------
-    foundation : Foundation
-        Stiffness by region.
-    section : SectionMesh
-        The regions.
-    V : fem.FunctionSpace
-        Space of the unknowns.
-
     Attributes
     ----------
     stiffness : fem.Function

@@ -67,13 +67,8 @@ class PrescribedMotion:
         rotation = np.array([[c, -s], [s, c]])
         moved = (body.reference + w[body.dofs]) @ rotation.T - body.reference
         w[body.dofs] = moved + body.shift * shift
-        self._keep_place()
-
-    def _keep_place(self) -> None:
-        """Prescribe the present displacements, and start from them."""
-        w = self.problem.w.x.array
-        self.problem.prescribed[:] = w
-        self.x.array[:] = w[: len(self.x.array)]
+        problem.prescribed[:] = w
+        x.array[:] = w[: len(x.array)]
 
     def solve(self) -> NewtonResult:
         """Find the equilibrium from the present start; slip counts from where it did (collective).

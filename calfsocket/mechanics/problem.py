@@ -96,7 +96,9 @@ class Problem:
         self.constrained = np.flatnonzero(self._constrained[: self.V.dofmap.index_map.size_local])
         self._has_values = any(constraint.values is not None for constraint in constraints)
         self._external = self._assemble_loads(loads)
-        self._contact = contact.bind(self.w, section, laws, self.fields) if contact else None
+        self._contact: ContactInterface | None = None
+        if contact is not None:
+            self._contact = contact.kind(self.w, section, laws, self.fields, contact)
         self._load = 0.0
 
     @property
@@ -192,11 +194,8 @@ class Problem:
 
     def _keeps_constant(self) -> NDArray[np.bool_]:
         """Local cells too stiff in volume to take their constant pressure out of the system."""
-        inverse_bulk, mu = (
-            field.x.array for field in (self.fields.inverse_bulk, self.fields.pressure_scale)
-        )
-        stiff = inverse_bulk * mu < 1.0 / LARGEST_BULK_RATIO
-        return np.asarray(stiff)
+        inverse_ratio = self.fields.inverse_bulk.x.array * self.fields.pressure_scale.x.array
+        return np.asarray(inverse_ratio < 1.0 / LARGEST_BULK_RATIO)
 
     def residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Residual in N/mm; constrained unknowns have their distance from their value (collective).
@@ -267,12 +266,7 @@ class Problem:
     def force_balance(self, x: PETSc.Vec, boundary: str) -> tuple[float, float]:
         """Compare the contact force on the skin with the reaction of what holds it (collective).
 
-        Parameters
-        ----------
-        x : PETSc.Vec
-            The equilibrium.
-        boundary : str
-            Constrained boundary that holds the body of the skin.
+        At the equilibrium x; the constrained boundary holds the body of the skin.
 
         Returns
         -------

@@ -82,7 +82,7 @@ def _window(calibration: Calibration) -> drawing.Window:
     """Return the piece of the plane that both states and the arrow need."""
     fields, way = calibration.fields, np.array(calibration.specimen.direction)
     assert fields is not None
-    both = np.concatenate([fields.points, drawing.deformed(fields)])
+    both = np.concatenate([fields.points, fields.deformed])
     size = np.ptp(fields.points, axis=0).max()
     start = both.min(axis=0) - MARGIN * size - ARROW * size * np.clip(way, 0, 1)
     end = both.max(axis=0) + MARGIN * size + ARROW * size * np.clip(-way, 0, 1)
@@ -94,7 +94,7 @@ def _draw_model(
 ) -> None:
     fields, specimen = calibration.fields, calibration.specimen
     assert fields is not None
-    points = drawing.deformed(fields) if deformed else fields.points
+    points = fields.deformed if deformed else fields.points
     for tissue, colour in COLOURS.items():
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
     drawing.draw_outlines(axes, fields, points, linewidth=0.4)
@@ -103,7 +103,7 @@ def _draw_model(
         return
     axes.set_title("Calibration model", pad=2)
     drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
-    plate = points[np.unique(fields.cells[drawing.cells_of(fields, "socket")])]
+    plate = points[np.unique(fields.cells[fields.cells_of("socket")])]
     _draw_arrow(axes, plate, np.array(specimen.direction), f"u, up to {specimen.stroke:g} mm")
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 from calfsocket.paper import comparison, published
 from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
 from calfsocket.report import names
-from calfsocket.report.changes import SETS
+from calfsocket.report.names import SETS
 from calfsocket.report.table import TIMES, TOGETHER, Table, change, in_words, number, spread
 
 FLIP = "\N{RIGHTWARDS ARROW OVER LEFTWARDS ARROW}"
@@ -34,7 +34,7 @@ def tables(evidence: Evidence) -> dict[str, Table]:
 def _materials(data: pd.DataFrame) -> Table:
     shown = data[["material", "law", "symbol", "unit"]].assign(
         ours=[f"{value:.6g}" for value in data.ours],
-        paper=[f"{value:.6g}{mark}" for value, mark in zip(data.paper, _marks(data), strict=True)],
+        paper=[f"{row.paper:.6g}{_mark(row.note)}" for row in data.itertuples()],
     )
     return Table(
         "table1",
@@ -48,20 +48,18 @@ def _materials(data: pd.DataFrame) -> Table:
 
 def _maxima(n: int, title: str, maxima: pd.DataFrame, quantities: Sequence[str]) -> Table:
     data = maxima[maxima.quantity.isin(quantities)].reset_index(drop=True)
-    paper = [
-        f"({number(value)}{mark},{TOGETHER}{TIMES}{number(ratio)}{FLIP if flip else ''})"
-        for value, mark, ratio, flip in zip(
-            data.paper, _marks(data), data.ratio, data.sign_flip, strict=True
-        )
+    text = [
+        f"{number(row.ours)} ({number(row.paper)}{_mark(row.note)},"
+        f"{TOGETHER}{TIMES}{number(row.ratio)}{FLIP if row.sign_flip else ''})"
+        for row in data.itertuples()
     ]
-    text = pd.Series([number(value) for value in data.ours]) + " " + pd.Series(paper)
     return Table(
         f"table{n}",
         f"Table {n}: {title}",
         "Ours; in brackets the paper's, and the ratio of magnitudes, ours over the paper's. "
         f"{FLIP}: the signs differ.",
         data,
-        spread(in_words(data), ["tissue", "quantity"], ["socket", "material_set"], text),
+        spread(in_words(data), ["tissue", "quantity"], ["socket", "material_set"], pd.Series(text)),
         _notes(data, "tissue", "socket", "material_set", "quantity"),
     )
 
@@ -69,10 +67,8 @@ def _maxima(n: int, title: str, maxima: pd.DataFrame, quantities: Sequence[str])
 def _changes(n: int, title: str, changes: pd.DataFrame, quantities: Sequence[str]) -> Table:
     data = changes[changes.quantity.isin(quantities)].reset_index(drop=True)
     text = [
-        f"{change(ours)} ({change(paper)}{mark}{FLIP if flip else ''})"
-        for ours, paper, mark, flip in zip(
-            data.ours, data.paper, _marks(data), data.sign_flip, strict=True
-        )
+        f"{change(row.ours)} ({change(row.paper)}{_mark(row.note)}{FLIP if row.sign_flip else ''})"
+        for row in data.itertuples()
     ]
     return Table(
         f"table{n}",
@@ -166,8 +162,8 @@ def _pressure(evidence: Evidence) -> Table:
     )
 
 
-def _marks(data: pd.DataFrame) -> list[str]:
-    return [MARK if note else "" for note in data.note]
+def _mark(note: str) -> str:
+    return MARK if note else ""
 
 
 def _notes(data: pd.DataFrame, *where: str) -> tuple[str, ...]:

@@ -27,20 +27,12 @@ def outward_normals(line: NDArray[np.float64], smooth_mm: float = 4.0) -> NDArra
 
 @dataclass(frozen=True)
 class PressureBand:
-    """Contact pressure around a closed line.
-
-    Attributes
-    ----------
-    foot, normal
-        The line, mm, and its outward unit normals, (n, 2).
-    pressure_kPa
-        Along the line, (n,).
-    mm_per_kPa
-        Height of the band.
-    """
+    """Contact pressure, (n,), around a closed line."""
 
     foot: NDArray[np.float64]
+    """The line, mm, (n, 2)."""
     normal: NDArray[np.float64]
+    """Its outward unit normals, (n, 2)."""
     pressure_kPa: NDArray[np.float64]
     mm_per_kPa: float
 

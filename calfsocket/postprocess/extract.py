@@ -26,12 +26,7 @@ _VTK_ORDER = [0, 1, 2, 5, 3, 4]
 def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFields | None:
     """Displacement, stress and strain of the whole section; on rank 0 (collective).
 
-    Parameters
-    ----------
-    model : Problem
-        With the state of interest in its unknowns.
-    region_tissues : dict
-        Tissue of each region name.
+    The model has the state of interest in its unknowns; tissues are given by names of regions.
     """
     domain = model.section.mesh
     n_cells = domain.topology.index_map(2).size_local
@@ -70,7 +65,6 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         stress=KILOPASCAL * stress,
         deformation_gradient=F,
         pressure=-KILOPASCAL * p,
-        gauss_points=GAUSS_POINTS,
     )
 
 

@@ -73,29 +73,24 @@ def _contact(results: Results) -> Line:
             for socket in peaks.socket
         }
     )
-    if len(peaks) > MOST_NAMED:
-        return _contact_of_many(peaks, means, material_set)
-    largest = [
-        f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
-    ]
-    average = listed(means.map(number))
+    if len(peaks) <= MOST_NAMED:
+        average = f"{listed(means.map(number))} kPa in {listed(peaks.socket)}"
+        largest = listed(
+            f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
+        )
+    else:
+        lowest, highest = (
+            f"{number(means[socket])} kPa in {socket}"
+            for socket in (means.idxmin(), means.idxmax())
+        )
+        average = f"{lowest} to {highest}, of {len(peaks)} sockets"
+        worst = peaks.loc[peaks.value.idxmax()]
+        where = sector(worst.x_mm, worst.y_mm)
+        largest = f"{number(worst.value)} kPa in {worst.socket} ({where})"
     return Line(
         "Contact pressure",
-        f"On average {average} kPa in {listed(peaks.socket)}; at most {listed(largest)} "
+        f"On average {average}; at most {largest} "
         f"({names.material_set(material_set)} set; the leg bears no weight).",
-    )
-
-
-def _contact_of_many(peaks: pd.DataFrame, means: pd.Series, material_set: str) -> Line:
-    """Return the range over sockets that are too many to name."""
-    lowest, highest = means.idxmin(), means.idxmax()
-    worst = peaks.loc[peaks.value.idxmax()]
-    return Line(
-        "Contact pressure",
-        f"On average {number(means[lowest])} kPa in {lowest} to {number(means[highest])} kPa in "
-        f"{highest}, of {len(peaks)} sockets; at most {number(worst.value)} kPa in {worst.socket} "
-        f"({sector(worst.x_mm, worst.y_mm)}) ({names.material_set(material_set)} set; the leg "
-        "bears no weight).",
     )
 
 

@@ -19,18 +19,12 @@ from calfsocket.simulation.results import Results
 
 @dataclass(frozen=True)
 class DamageThresholds:
-    """Strains beyond which tissue is counted as at risk, %.
-
-    Attributes
-    ----------
-    muscle_shear_pct : float
-        Of |LE12|, the engineering shear.
-    fascia_strain_pct : float
-        Of |AMP|, of the tensile principal strain, and of |LE12|.
-    """
+    """Strains beyond which tissue is counted as at risk, %."""
 
     muscle_shear_pct: float = 50.0
+    """Of |LE12|, the engineering shear."""
     fascia_strain_pct: float = 27.0
+    """Of |AMP|, of the tensile principal strain, and of |LE12|."""
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():

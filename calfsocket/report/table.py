@@ -19,27 +19,16 @@ TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not 
 
 @dataclass(frozen=True)
 class Table:
-    """A table with everything a reader needs beside it.
-
-    Attributes
-    ----------
-    name : str
-        File name without extension.
-    title, caption : str
-        Heading, and what the cells say.
-    data : DataFrame
-        All numbers, one row a thing, for programs.
-    shown : DataFrame
-        Cells as people read them, plain text; row and column labels are the index and the columns.
-    notes : tuple of str
-        Remarks on single cells.
-    """
+    """A table with everything a reader needs beside it."""
 
     name: str
+    """File name without ending."""
     title: str
     caption: str
     data: pd.DataFrame
+    """All numbers, one row a thing, for programs."""
     shown: pd.DataFrame
+    """Cells as people read them, plain text; index and columns are the labels."""
     notes: tuple[str, ...] = ()
 
     def html(self) -> Markup:

@@ -90,10 +90,9 @@ def thresholds(results: Results) -> Table | None:
 def damage(data: pd.DataFrame) -> Table:
     """Strains against damage thresholds (`damage.damage`)."""
     text = [
-        f"{number(level)} ({number(area)}{TOGETHER}mm²,{TOGETHER}{number(share)}{TOGETHER}%)"
-        for level, area, share in zip(
-            data.level_pct, data.area_mm2, data.area_share_pct, strict=True
-        )
+        f"{number(row.level_pct)} ({number(row.area_mm2)}{TOGETHER}mm²,"
+        f"{TOGETHER}{number(row.area_share_pct)}{TOGETHER}%)"
+        for row in data.itertuples()
     ]
     limit = [f"{value:g} %" for value in data.threshold_pct]
     return Table(

@@ -16,16 +16,23 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 from petsc4py import PETSc
+from pydantic import TypeAdapter
 
 from calfsocket.io.errors import CalfsocketError, in_one_line
 from calfsocket.io.files import replacing
-from calfsocket.mechanics.newton import NewtonResult
+from calfsocket.io.versions import versions
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep, Milestone
 
 CHECKPOINT_FILE = "checkpoint.npz"
 
 Arrays = dict[str, NDArray[Any]]
+_STEPS = TypeAdapter(tuple[LoadStep, ...])
+
+
+def conditions() -> dict[str, Any]:
+    """Return what numbers depend on besides the inputs."""
+    return {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
 
 
 class CheckpointError(CalfsocketError):
@@ -113,7 +120,7 @@ class Checkpoint:
             unknowns=self._vector(arrays["unknowns"]),
             unknowns_before=self._vector(arrays["unknowns_before"]),
             converged_arc=self._on_skin(arrays["converged_arc"]),
-            steps=tuple(_load_step(step) for step in content["steps"]),
+            steps=_STEPS.validate_python(content["steps"]),
         )
 
     def _read(self) -> tuple[dict[str, Any], Arrays]:
@@ -171,9 +178,3 @@ class Checkpoint:
             return None
         number, row = (np.concatenate(parts) for parts in zip(*collected, strict=True))
         return row[np.argsort(number)]
-
-
-def _load_step(content: Mapping[str, Any]) -> LoadStep:
-    newton = dict(content["newton"])
-    newton["history"] = tuple(newton["history"])
-    return LoadStep(**{**content, "newton": NewtonResult(**newton)})

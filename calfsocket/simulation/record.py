@@ -223,10 +223,9 @@ def read_run(path: Path) -> StudyRecord:
     InputError
         If it is none, or was written by another version.
     """
+    text = read_text(path)
     try:
-        content = json.loads(read_text(path))
-    except InputError:
-        raise
+        content = json.loads(text)
     except ValueError as error:
         raise InputError(f"{path}: is not JSON: {error}") from None
     except RecursionError:

@@ -23,18 +23,6 @@ RESULT_FILE = "result.json"
 CONTACT_FILE = "contact.csv"
 STEPS_FILE = "steps.csv"
 
-STEP_COLUMNS = (
-    "step",
-    "load",
-    "converged",
-    "reason",
-    "newton_iterations",
-    "residual_N_per_mm",
-    "seconds",
-    "negative_modes",
-)
-"""Columns of a result's load steps."""
-
 
 @dataclass(frozen=True, eq=False)
 class Result:
@@ -49,7 +37,8 @@ class Result:
     line : ContactLine
         Contact along the skin.
     steps : DataFrame
-        Load steps, with `STEP_COLUMNS`.
+        Load steps: step, load, converged, reason, newton_iterations, residual_N_per_mm, seconds,
+        negative_modes (of the last one).
 
     Examples
     --------

@@ -5,17 +5,16 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import ConvergenceError, InputError, in_one_line
 from calfsocket.io.schema import nearest
-from calfsocket.io.versions import versions
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
 from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
@@ -28,17 +27,28 @@ from calfsocket.meshes.sizing import MeshSize, mesh_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.extract import contact_line, section_fields
-from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError
+from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import Phases, Profile
 from calfsocket.simulation.record import CaseRecord, Checks
-from calfsocket.simulation.result import STEP_COLUMNS, Result
+from calfsocket.simulation.result import Result
+
+STEP_COLUMNS = {
+    "step": "number",
+    "load": "load",
+    "converged": "newton.converged",
+    "reason": "newton.reason",
+    "newton_iterations": "newton.iterations",
+    "residual_N_per_mm": "newton.residual",
+    "seconds": "seconds",
+}
+"""Columns of load steps, and where a `LoadStep` has their values."""
 
 
 class Monitor:
     """Called while a simulation runs, on every rank; this one does nothing."""
 
-    def message(self, text: str, load: float, milestone: bool = False) -> None:
+    def message(self, text: str, load: float | None, milestone: bool = False) -> None:
         """Take a remark; a milestone is worth a line of a log."""
 
     def iteration(self, load: float, number: int, residual: float) -> None:
@@ -214,8 +224,8 @@ class Simulation:
         """Write each equilibrium to a file from now on; return the one to start from."""
         if path is None:
             return None
-        conditions = {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
-        checkpoint = Checkpoint(path, stepper.problem, {"case": self.fingerprint, **conditions})
+        inputs = {"case": self.fingerprint, **conditions()}
+        checkpoint = Checkpoint(path, stepper.problem, inputs)
         troubles: set[str] = set()
 
         def save(milestone: Milestone) -> None:
@@ -303,26 +313,14 @@ def check(stepper: LoadStepper) -> Checks:
     )
 
 
-def step_row(step: LoadStep) -> dict[str, Any]:
-    """Return a load step as a row of steps.csv."""
-    return {
-        "step": step.number,
-        "load": step.load,
-        "converged": step.newton.converged,
-        "reason": step.newton.reason,
-        "newton_iterations": step.newton.iterations,
-        "residual_N_per_mm": step.newton.residual,
-        "seconds": step.seconds,
-        "negative_modes": "",
-    }
-
-
 def steps_table(steps: Sequence[LoadStep], checks: Checks | None = None) -> pd.DataFrame:
     """Return load steps as a table; the negative modes are those of the last equilibrium."""
-    rows = [step_row(step) for step in steps]
-    if rows and checks:
-        rows[-1]["negative_modes"] = checks.negative_modes
-    return pd.DataFrame(rows, columns=list(STEP_COLUMNS))
+    values = attrgetter(*STEP_COLUMNS.values())
+    table = pd.DataFrame([values(step) for step in steps], columns=list(STEP_COLUMNS))
+    modes: list[Any] = [""] * len(steps)
+    if modes and checks:
+        modes[-1] = checks.negative_modes
+    return table.assign(negative_modes=modes)
 
 
 @contextmanager

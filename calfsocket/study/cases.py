@@ -31,22 +31,8 @@ MOST_CASES = 1000
 class Case:
     """A socket with a material set, and all that is solved with them.
 
-    Attributes
-    ----------
-    limb : Limb
-        The section.
-    socket : Socket
-        Its name is that of the case in the tables, with a label where it is a variant.
-    materials : MaterialSet
-        Likewise.
-    document : Document
-        The study file with the changes of this case.
-    of : (str, str)
-        Names of socket and material set in the study file.
-    changes : mapping
-        Parameters by which it differs from the study file.
-    placement : Placement
-        How the socket sits on the limb.
+    The two have the names of the tables, with a label where the case is a variant of those in the
+    study file, which are `of`. `document` is the file with the `changes` of the case.
     """
 
     limb: Limb
@@ -96,22 +82,9 @@ class Case:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study solves.
+    """What a study solves: the cases of its file, or those whose names are chosen.
 
-    Attributes
-    ----------
-    source : StudySource
-        What repeats it.
-    document : Document
-        The study file, checked.
-    limb : Limb
-        The section.
-    cases : tuple of Case
-        All cases of the file, in its order.
-    chosen : tuple of str
-        Names of those to solve; all where empty.
-    parameters : tuple of str
-        Dotted names of what a sweep changes, in the order of the file.
+    `source` repeats it; `parameters` are the dotted names of what a sweep changes.
     """
 
     source: StudySource
@@ -163,20 +136,7 @@ class _Asked:
 
 
 class Planner:
-    """Makes the cases of a study file.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    content : mapping
-        As parsed.
-    files : Files
-        What the file may name.
-    limb : Limb
-        The section.
-    reference : mapping of str to Socket
-        The sockets that every study knows.
+    """Makes the cases of a study file; parameters as of `Study`.
 
     Attributes
     ----------
@@ -207,7 +167,8 @@ class Planner:
         self._check_names(self.document)
         with error_context(path):
             self._points = sweep.points(self.document.sweep)
-        self.parameters = sweep.parameters(self._points)
+        changed = (name for point in self._points for name in point.changes)
+        self.parameters = tuple(dict.fromkeys(changed))
 
     def cases(self) -> tuple[Case, ...]:
         """Return all cases in the order of the file."""
@@ -273,8 +234,9 @@ class Planner:
                     yield _Asked(socket, materials, {}, "", "study")
 
     def _check_changes(self, asked: list[_Asked]) -> None:
-        places = [("sweep", point.changes) for point in self._points]
-        for place, changes in (*places, *((each.place, each.changes) for each in asked)):
+        changed = [("sweep", point.changes) for point in self._points]
+        changed += [(each.place, each.changes) for each in asked]
+        for place, changes in changed:
             with error_context(self._path, place):
                 sweep.applied(self._content, changes)
 
@@ -332,18 +294,12 @@ class Planner:
                 content = sweep.applied(self._content, changes)
             words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
             origin = f"{place}: with {words}: " if changes else ""
-            if isinstance(content.get("sockets"), dict):
-                content["sockets"] = {
-                    name: self._resolved(table, f"{origin}sockets.{name}")
-                    for name, table in content["sockets"].items()
-                }
+            sockets: Any = content.get("sockets")
+            for name, table in sockets.items() if isinstance(sockets, dict) else ():
+                with error_context(self._path, f"{origin}sockets.{name}"):
+                    sockets[name] = resolved(table, self._reference, self._files.outline)
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
-
-    def _resolved(self, table: Any, place: str) -> Any:
-        """Return a socket's table as its class has it."""
-        with error_context(self._path, place):
-            return resolved(table, self._reference, self._files.outline)
 
     def _case(
         self, asked: _Asked, changes: Changes, point: Point, labels: Labels, number: int
@@ -359,23 +315,20 @@ class Planner:
             words = labels.of(of_socket, number), labels.of(of_set, number)
         else:
             words = point.label, ""
-        materials = self._materials(document, asked.materials, _joined(asked.materials, words[1]))
-        socket = self._socket(document, asked.socket, _joined(asked.socket, asked.label, words[0]))
+        socket = document.sockets.get(asked.socket) or self._reference[asked.socket]
+        name = _joined(asked.socket, asked.label, words[0])
+        materials = self._materials(document, asked.materials)
         return Case(
             limb=self._limb,
-            socket=socket,
-            materials=materials,
+            socket=socket.model_copy(update={"name": name}),
+            materials=replace(materials, name=_joined(asked.materials, words[1])),
             document=document,
             of=(asked.socket, asked.materials),
             changes=dict(changes),
             placement=self._placement(socket, asked.socket),
         )
 
-    def _socket(self, document: Document, name: str, label: str) -> AnySocket:
-        socket = document.sockets.get(name) or self._reference[name]
-        return socket.model_copy(update={"name": label})
-
-    def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
+    def _materials(self, document: Document, name: str) -> MaterialSet:
         model = document.model
         paper = MaterialSet.paper(self._base(document, name), model.fascia_c10, model.ogden_form)
         with error_context(self._path):
@@ -383,7 +336,7 @@ class Planner:
             if name in document.materials:
                 laws |= self._files.laws(document.materials[name].laws)
         with error_context(self._path, f"materials.{name}"):
-            return replace(paper.replace_known(laws, self._limb.tissues), name=label)
+            return paper.replace_known(laws, self._limb.tissues)
 
     def _placement(self, socket: AnySocket, name: str) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""

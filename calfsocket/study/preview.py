@@ -63,11 +63,12 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     skin = loops[limb.contact_boundary]
     socket = case.socket
     inner, outer = socket.faces(skin)
+    custom = {name for each in plan.cases for name in each.materials.regions}
     for region in limb.regions:
         outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))
         colour = drawing.TISSUE_COLOURS[region.tissue]
         drawing.draw_path(axes, outline, facecolor=colour, edgecolor=drawing.OUTLINE, linewidth=0.4)
-        if region.name in _custom_regions(plan):
+        if region.name in custom:
             drawing.draw_path(
                 axes,
                 outline,
@@ -99,11 +100,6 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
         fontsize=8,
         parse_math=False,
     )
-
-
-def _custom_regions(plan: Plan) -> set[str]:
-    """Return regions that some material set of the study gives a custom law."""
-    return {name for case in plan.cases for name in case.materials.regions}
 
 
 def custom_laws(case: Case) -> list[str]:

@@ -8,47 +8,28 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from petsc4py import PETSc
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import remove_unfinished, replacing, write_json
-from calfsocket.io.versions import versions
-from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
+from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
-from calfsocket.simulation.results import KEY
 from calfsocket.study import restart, sweep_table
 from calfsocket.study.cases import Case, Plan
+from calfsocket.study.sweep import flat
 from calfsocket.study.sweep_table import SWEEP_FILE
 
 CASES_FILE = "cases.csv"
-CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
-"""Tables in which a case has rows of its own."""
-FILES = (*CASE_TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
+FILES = (*restart.CASE_TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
 """Files of a study beside its cases' folders."""
 
 log = logging.getLogger(__name__)
 
 
-def conditions() -> dict[str, Any]:
-    """Return what numbers depend on besides the inputs."""
-    return {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
-
-
 class Recorder:
     """Keeps run.json and cases.csv, on rank 0.
 
-    Parameters
-    ----------
-    plan, out, ranks
-        What is solved, where results go, and the number of ranks.
-    resume : bool
-        Whether cases that an earlier run has finished are kept.
-
-    Attributes
-    ----------
-    to_solve : tuple of Case
-        The chosen cases apart from those that are kept.
+    `to_solve` are the chosen cases; to `resume`, without those that an earlier run has finished.
 
     Raises
     ------
@@ -87,7 +68,7 @@ class Recorder:
         known = earlier.get(case.name)
         if known is None or known.status != "solved":
             return False
-        why = restart.damage(known.files, case_digests(self._out, case))
+        why = restart.damage(known.files, restart.digests(self._out, case.key))
         log.info("%s: %s", case.name, why or "already solved; kept")
         return not why
 
@@ -149,12 +130,6 @@ def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
     return found
 
 
-def case_digests(out: Path, case: Case) -> dict[str, str | None]:
-    """Return the digests of a case's files and table rows."""
-    key = dict(zip(KEY, case.key, strict=True))
-    return restart.digests(out, case.name, key, CASE_TABLES)
-
-
 def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
     """Return the rows of cases.csv: how each case ended, and why."""
     return pd.DataFrame(
@@ -192,12 +167,14 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         raise InputError(
             f"--out {out}: {error.strerror}; name a folder that can be written to"
         ) from None
+    advice = "name another folder, or add --overwrite to replace its results"
     try:
         before = read_run(path)
     except InputError as error:
-        raise InputError(f"{error}; or add --overwrite to replace its results") from None
-    now = {"settings": plan.settings, "thresholds": [asdict(each) for each in plan.thresholds]}
-    then = {"settings": before.settings, "thresholds": list(before.thresholds)}
+        what, *_ = str(error).split("; ")  # what to do is another thing here
+        raise InputError(f"{what}; {advice}") from None
+    now = flat({"settings": plan.settings, "thresholds": [*map(asdict, plan.thresholds)]})
+    then = flat({"settings": before.settings, "thresholds": [*before.thresholds]})
     changed = [
         f"case {name}"
         for name, fingerprint in plan.fingerprints.items()
@@ -205,19 +182,8 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
     ]
     if changed or now["thresholds"] != then["thresholds"]:
         # What differs in the file's tables says more than the names of the cases.
-        words = sorted(_differences(then, now)) or changed
+        words = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
         raise InputError(
-            f"--out {out}: contains results of other inputs ({', '.join(words)} changed); "
-            "name another folder, or add --overwrite to replace them"
+            f"--out {out}: contains results of other inputs "
+            f"({', '.join(words or changed)} changed); {advice}"
         )
-
-
-def _differences(before: Any, now: Any, path: str = "") -> set[str]:
-    """Return the dotted names of the values that differ."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        found: set[str] = set()
-        for key in before.keys() | now.keys():
-            name = f"{path}.{key}" if path else str(key)
-            found |= _differences(before.get(key), now.get(key), name)
-        return found
-    return set() if before == now else {path}

@@ -1,7 +1,7 @@
 """What a run that was stopped has left in its folder, and which of it is kept."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,40 +10,28 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.vtu import FIELDS_FILE
 from calfsocket.simulation.record import StudyRecord, read_run
+from calfsocket.simulation.results import KEY, Key
 
 CASE_FILES = (FIELDS_FILE, "contact.csv")
 """Files of a finished case; its picture can be drawn again from them."""
 
+CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
+"""Tables in which a case has rows of its own."""
 
-def digests(
-    out: Path, name: str, key: Mapping[str, str], tables: Sequence[str]
-) -> dict[str, str | None]:
-    """SHA-256 of a case's files, and of its rows in the tables that cases share.
 
-    Parameters
-    ----------
-    out
-        Folder of the results.
-    name
-        Name of the case's folder.
-    key
-        Column -> value, by which its rows are known.
-    tables
-        Names of the tables in `out`.
+def digests(out: Path, key: Key) -> dict[str, str | None]:
+    """SHA-256 by file: of a case's own, and of its rows in the tables that cases share.
 
-    Returns
-    -------
-    dict
-        File -> digest; None where it is missing or cannot be read.
+    None for a file that is missing or cannot be read.
     """
     found: dict[str, str | None] = {}
     for file in CASE_FILES:
-        path = out / name / file
-        found[f"{name}/{file}"] = _digest(path.read_bytes()) if path.is_file() else None
-    for table in tables:
+        name = f"{'_'.join(key)}/{file}"
+        found[name] = _digest((out / name).read_bytes()) if (out / name).is_file() else None
+    for table in CASE_TABLES:
         try:
             rows = pd.read_csv(out / table, dtype=str, keep_default_na=False)
-            for column, value in key.items():
+            for column, value in zip(KEY, key, strict=True):
                 rows = rows[rows[column] == value]
         except (OSError, ValueError, KeyError):
             found[table] = None
@@ -53,13 +41,7 @@ def digests(
 
 
 def damage(then: Mapping[str, str | None], now: Mapping[str, str | None]) -> str:
-    """Return which files of a solved case have changed, in words; empty where none have.
-
-    Parameters
-    ----------
-    then, now : mapping of str to str
-        `digests` when the case was finished, and at present.
-    """
+    """Say by its `digests` which files of a solved case have changed; empty where none have."""
     changed = [file for file in now if now[file] is None or now[file] != then.get(file)]
     return (
         f"solved again, because files are missing or have changed: {', '.join(changed)}"
@@ -69,12 +51,12 @@ def damage(then: Mapping[str, str | None], now: Mapping[str, str | None]) -> str
 
 
 def earlier_run(path: Path, conditions: Mapping[str, Any] | None) -> StudyRecord | None:
-    """Read an earlier run.json.
+    """Read an earlier run.json, if there is one.
 
     Parameters
     ----------
     path : Path
-        The run.json; None is returned where there is none.
+        The run.json.
     conditions : mapping, optional
         Values that it must have, e.g. of `versions`.
 

@@ -31,31 +31,16 @@ from calfsocket.simulation.profile import PROFILE_FILE, Profile
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import KEY, of_case
-from calfsocket.simulation.simulation import Monitor, Simulation, steps_table
+from calfsocket.simulation.simulation import Monitor, Simulation, reported, steps_table
 from calfsocket.study.cases import Case, Plan
-from calfsocket.study.record import Recorder, case_digests
+from calfsocket.study.record import Recorder
+from calfsocket.study.restart import digests
 
 log = logging.getLogger(__name__)
 
 
 class Runner:
-    """Solves the cases of a study and writes their results.
-
-    Parameters
-    ----------
-    comm : MPI.Intracomm
-        All ranks.
-    plan : Plan
-        What is solved.
-    out : Path
-        Folder of the results.
-    ranks_per_case : int, optional
-        Ranks that solve one case together; by default cases run side by side.
-    pictures, profile : bool
-        Whether to draw each case, and to write where the time goes.
-    console : rich.console.Console, optional
-        Where progress is shown; standard error by default.
-    """
+    """Solves the cases of a study and writes their results; parameters as of `Study.run`."""
 
     def __init__(
         self,
@@ -74,12 +59,6 @@ class Runner:
 
     def run(self, resume: bool = False) -> bool:
         """Solve every case (collective); return whether all reached the full load.
-
-        Parameters
-        ----------
-        resume : bool
-            Keep the cases that an earlier run has finished, and start those that it had begun from
-            their last equilibrium.
 
         Raises
         ------
@@ -160,7 +139,7 @@ class _CaseRunner(Monitor):
             raise (SolveError(error) if isinstance(failure, InputError) else failure) from None
         if not message:
             return record
-        self._report(f"failed: {message}", None)
+        self.message(f"failed: {message}", None, True)
         unforeseen = failure is not None and not isinstance(failure, CalfsocketError)
         trace = tuple(traceback.format_exception(failure)) if unforeseen else ()
         return record.model_copy(
@@ -182,13 +161,12 @@ class _CaseRunner(Monitor):
         if self._is_root:
             self._write(simulation, result)
             if profile:
-                times = profile.rows(simulation.phases.seconds)
-                self._merge(PROFILE_FILE, times)
+                self._merge(PROFILE_FILE, profile.rows(simulation.phases.seconds))
         record = result.record
         text = record.message or "; ".join(["solved", *record.warnings])
-        self._report(text, result.checks.load)
-        digests = case_digests(study.out, case) if self._is_root else {}
-        return record.model_copy(update={"seconds": simulation.phases.seconds, "files": digests})
+        self.message(text, result.checks.load, True)
+        files = digests(study.out, case.key) if self._is_root else {}
+        return record.model_copy(update={"seconds": simulation.phases.seconds, "files": files})
 
     # -- what it writes -------------------------------------------------------------------------
 
@@ -214,37 +192,29 @@ class _CaseRunner(Monitor):
 
     # -- what the simulation reports ------------------------------------------------------------
 
-    def message(self, text: str, load: float, milestone: bool = False) -> None:
+    def message(self, text: str, load: float | None, milestone: bool = False) -> None:
         """Pass a remark on to rank 0 of all."""
-        self._report(text, load, milestone)
+        self._scheduler.report(Event(self._case.name, text, load, milestone))
 
     def resumed(self, start: Milestone) -> None:
         """Show where the case starts, and keep the steps of the earlier run."""
-        self._report("resumes from its last equilibrium", start.load)
+        self.message("resumes from its last equilibrium", start.load, True)
         self._steps = list(start.steps)
 
     def iteration(self, load: float, number: int, residual: float) -> None:
         """Show an iteration of Newton's method."""
-        self._report(f"iteration {number}, residual {residual:.1e} N/mm", load, False)
+        self.message(f"iteration {number}, residual {residual:.1e} N/mm", load)
 
     def step(self, step: LoadStep) -> None:
         """Show a load step, and write it."""
         newton = step.newton
         how = "" if newton.converged else f"failed ({newton.reason}) after "
         text = f"{how}{newton.iterations} iterations, residual {newton.residual:.1e} N/mm"
-        self._report(text, step.load)
+        self.message(text, step.load, True)
         self._steps.append(step)
         if self._is_root:
-            try:
+            with reported(self, step.load, self._troubles):
                 self._merge("steps.csv", steps_table(self._steps))
-            except OSError as error:  # it may be possible at the end
-                text = in_one_line(error)
-                if text not in self._troubles:
-                    self._report(text, step.load)
-                self._troubles.add(text)
-
-    def _report(self, text: str, load: float | None, milestone: bool = True) -> None:
-        self._scheduler.report(Event(self._case.name, text, load, milestone))
 
 
 @contextmanager

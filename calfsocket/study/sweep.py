@@ -2,6 +2,7 @@
 
 import copy
 import itertools
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -48,15 +49,7 @@ class Sweep(Strict):
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a sweep.
-
-    Attributes
-    ----------
-    changes : mapping
-        What differs from the file.
-    label : str, optional
-        Its name, where it has one; otherwise its values are its name.
-    """
+    """A point of a sweep: what differs from the file; without a label its values are its name."""
 
     changes: Changes
     label: str | None = None
@@ -102,19 +95,14 @@ def points(sweep: Sweep | None) -> list[Point]:
     if way == "list" and len(set(lengths.values())) > 1:
         counts = ", ".join(f"{name} has length {n}" for name, n in lengths.items())
         raise InputError(f"sweep.list: {counts}; give lists of equal length, or use sweep.grid")
-    number = 1
-    for length in lengths.values() if way == "grid" else [0]:
-        number *= length
-    if number > MOST_POINTS or max(lengths.values()) > MOST_POINTS:
+    count, rows = (
+        (math.prod(lengths.values()), itertools.product(*values.values()))
+        if way == "grid"
+        else (max(lengths.values()), zip(*values.values(), strict=True))
+    )
+    if count > MOST_POINTS:
         raise InputError(f"sweep.{way}: more than {MOST_POINTS} points; split the sweep")
-    together = zip(*values.values(), strict=True) if way == "list" else None
-    rows = together or itertools.product(*values.values())
     return [Point(dict(zip(values, row, strict=True))) for row in rows]
-
-
-def parameters(points: Sequence[Point]) -> tuple[str, ...]:
-    """Return the dotted names of all that a sweep changes."""
-    return tuple(dict.fromkeys(name for point in points for name in point.changes))
 
 
 def reaching(changes: Changes, socket: str, materials: str) -> dict[str, Any]:
@@ -148,25 +136,18 @@ def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
         place: Any = changed.setdefault(first, {})
         *way, last = rest
         for part in way:
-            place = _step(name, place, part)
-        if isinstance(place, list):
-            place[_index(name, place, last)] = copy.deepcopy(value)
-        elif isinstance(place, dict):
-            place[last] = copy.deepcopy(value)
-        else:
-            raise InputError(f"{name}: goes beyond a single value; end the name at the parameter")
+            key = _key(name, place, part)
+            place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+        place[_key(name, place, last)] = copy.deepcopy(value)
     return changed
 
 
-def _step(name: str, place: Any, part: str) -> Any:
-    if isinstance(place, list):
-        return place[_index(name, place, part)]
-    if not isinstance(place, dict):
+def _key(name: str, place: Any, part: str) -> Any:
+    """Return the key or the index that a part of a dotted name means in a table or a list."""
+    if isinstance(place, dict):
+        return part
+    if not isinstance(place, list):
         raise InputError(f"{name}: goes beyond a single value; end the name at the parameter")
-    return place.setdefault(part, {})
-
-
-def _index(name: str, place: Sequence[Any], part: str) -> int:
     if not part.isdecimal() or int(part) >= len(place):
         raise InputError(
             f"{name}: '{part}' is not an index of a list of {len(place)}; indices start at 0"

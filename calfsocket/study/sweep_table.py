@@ -9,24 +9,21 @@ import pandas as pd
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES, UNITS
+from calfsocket.postprocess.quantities import CONTACT_UNITS, SUMMARY_TISSUES, UNITS
 from calfsocket.simulation.record import CaseRecord
+from calfsocket.simulation.results import KEY
 from calfsocket.study.cases import Plan
 
 SWEEP_FILE = "sweep.csv"
 
-_CONTACT = {
-    "contact_pressure_mean": "kPa",
-    "contact_pressure_max": "kPa",
-    "contact_share": "%",
-}
 _QUANTITY = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S+)\s*")
 
 
 def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
     """Write the table of the cases so far, from summary.csv."""
     path = folder / "summary.csv"
-    summary = pd.read_csv(path) if path.exists() else pd.DataFrame()
+    keys = dict.fromkeys(KEY, str)
+    summary = pd.read_csv(path, dtype=keys) if path.exists() else pd.DataFrame()
     with replacing(folder / SWEEP_FILE) as temporary:
         rows = table(plan, records, summary)
         rows.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
@@ -46,7 +43,8 @@ def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) 
         heading, values = column(name, [case.changes.get(name) for case in cases])
         for row, value in zip(rows, values, strict=True):
             row[heading] = value
-    results = results_of(summary)
+    key = [*KEY, "tissue", "quantity"]
+    results = {} if summary.empty else summary.set_index(key)["value"].to_dict()
     for heading, tissue, quantity in _headings(plan):
         for row, case in zip(rows, cases, strict=True):
             row[heading] = results.get((*case.key, tissue, quantity))
@@ -79,28 +77,15 @@ def harmless(value: Any) -> Any:
     return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
 
 
-def results_of(summary: pd.DataFrame) -> dict[tuple[str, str, str, str], float]:
-    """Values of summary.csv by socket, material set, tissue and quantity."""
-    if summary.empty:
-        return {}
-    key = ["socket", "material_set", "tissue", "quantity"]
-    rows = summary[[*key, "value"]].itertuples(index=False, name=None)
-    return {(*map(str, row[:4]),): row[4] for row in rows}  # type: ignore[misc]
-
-
 def _headings(plan: Plan) -> list[tuple[str, str, str]]:
     """Return heading, tissue and quantity of every result."""
     found: list[tuple[str, str, str]] = []
     for quantity in plan.document.study.quantities:
-        if quantity in _CONTACT:
-            found.append((f"{quantity}_{_unit(_CONTACT[quantity])}", "skin", quantity))
+        unit = (CONTACT_UNITS | UNITS)[quantity].replace("%", "percent")
+        if quantity in CONTACT_UNITS:
+            found.append((f"{quantity}_{unit}", "skin", quantity))
             continue
         tissues = ("vessel",) if quantity == "pressure" else SUMMARY_TISSUES
-        unit = _unit(UNITS[quantity])
         found += [(f"{tissue}_{quantity}_{unit}", tissue, quantity) for tissue in tissues]
     found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in plan.thresholds]
     return found
-
-
-def _unit(unit: str) -> str:
-    return {"%": "percent"}.get(unit, unit)

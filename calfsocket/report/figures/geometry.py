@@ -23,6 +23,7 @@ from calfsocket.plotting.style import (
     window_around,
 )
 from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.simulation.results import Results
 
 LIMB = "#d9d9d9"
@@ -36,7 +37,7 @@ ROOM_FOR_NUMBER_MM = 2.2  # radius that a number of two digits needs
 def regions(results: Results) -> Figure:
     """Draw the unloaded limb, its tissues in colour, with a number and a name for every region."""
     fields = next(iter(results.values())).fields
-    limb = drawing.cells_of(fields, *drawing.SOFT_TISSUES, "bone")
+    limb = fields.cells_of(*SUMMARY_TISSUES, "bone")
     points = fields.points
     window = window_around(points[np.unique(fields.cells[limb])], margin_mm=1.0)
     size = 112.0  # mm of paper
@@ -153,7 +154,7 @@ def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
     """Draw limb and socket as meshed; return the share of area that the socket takes, %."""
     points = fields.points
     limb = drawing.limb_boundary(fields, points)
-    socket = drawing.boundary(fields.cells[drawing.cells_of(fields, "socket")], points)
+    socket = drawing.boundary(fields.cells[fields.cells_of("socket")], points)
     drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0)
     drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK)
     drawing.draw_path(axes, socket, facecolor=drawing.SOCKET, linewidth=0)

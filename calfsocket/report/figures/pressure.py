@@ -37,7 +37,7 @@ def contact_pressure(results: Results) -> Figure:
 
     def draw(axes: Axes, result: Result) -> None:
         fields, band = result.fields, bands[result.record.key]
-        points = drawing.deformed(fields)
+        points = fields.deformed
         limb = drawing.limb_boundary(fields, points)
         drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0, zorder=3)
         drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK, zorder=4)
