@@ -59,7 +59,7 @@ def _maxima(n: int, title: str, maxima: pd.DataFrame, quantities: Sequence[str])
         "Ours; in brackets the paper's, and the ratio of magnitudes, ours over the paper's. "
         f"{FLIP}: the signs differ.",
         data,
-        spread(in_words(data), ["tissue", "quantity"], ["socket", "material_set"], pd.Series(text)),
+        spread(in_words(data), ["tissue", "quantity"], ["socket", "material_set"], text),
         _notes(data, "tissue", "socket", "material_set", "quantity"),
     )
 
@@ -77,7 +77,7 @@ def _changes(n: int, title: str, changes: pd.DataFrame, quantities: Sequence[str
         f"paper's. {FLIP}: the signs differ. A negative number need not be a smaller stress or "
         "strain; the changes of magnitude are in the CSV file beside them.",
         data,
-        spread(in_words(data), ["tissue", "site"], ["socket", "quantity"], pd.Series(text)),
+        spread(in_words(data), ["tissue", "site"], ["socket", "quantity"], text),
         _notes(data, "tissue", "socket", "quantity", "site"),
     )
 

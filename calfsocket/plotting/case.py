@@ -57,12 +57,7 @@ def _draw_legend(figure: Figure, stress: ScalarMappable) -> None:
     bar.tick_params(labelsize=8)
     bar.set_title("effective (Mises) stress, kPa; arrow: above", fontsize=8.5)
     handles = [
-        Patch(
-            facecolor=pressure_band.FILL,
-            edgecolor=pressure_band.EDGE,
-            linewidth=0.9,
-            label="contact pressure on the skin",
-        ),
+        pressure_band.key("contact pressure on the skin"),
         Line2D([], [], **pressure_band.LEVEL_LINE, label=f"lines every {PRESSURE_STEP_KPA:g} kPa"),
         Patch(color=drawing.BONE, label="bone"),
         Patch(color=drawing.SOCKET, label="socket"),

@@ -7,12 +7,18 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 FILL = "#f4d6ae"
 EDGE = "#96540c"
 LEVEL_LINE: dict[str, Any] = {"color": "#666666", "linewidth": 0.5, "dashes": (4, 3)}
+
+
+def key(label: str) -> Patch:
+    """Return the band's handle in a legend."""
+    return Patch(facecolor=FILL, edgecolor=EDGE, linewidth=0.9, label=label)
 
 
 def outward_normals(line: NDArray[np.float64], smooth_mm: float = 4.0) -> NDArray[np.float64]:

@@ -5,12 +5,10 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.report import inputs, names
+from calfsocket.report.answer import MOST_NAMED
 from calfsocket.report.table import Table, number
 from calfsocket.simulation.record import StudyRecord
 from calfsocket.simulation.results import Results
-
-MOST_NAMED = 4
-"""Sockets that the summary names."""
 
 SETTINGS = {
     "size": "mesh size",

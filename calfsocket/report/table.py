@@ -86,10 +86,10 @@ def change(value: float) -> str:
 
 
 def spread(
-    cells: pd.DataFrame, rows: list[str], columns: list[str], text: "pd.Series[str]"
+    cells: pd.DataFrame, rows: list[str], columns: list[str], text: Iterable[str]
 ) -> pd.DataFrame:
     """Arrange one text per row of `cells` in a table, in the order of first appearance."""
-    frame = cells[rows + columns].assign(text=text)
+    frame = cells[rows + columns].assign(text=[*text])
     for name in rows + columns:
         frame[name] = pd.Categorical(frame[name], frame[name].unique(), ordered=True)
     wide = frame.pivot(index=rows, columns=columns, values="text")

@@ -74,7 +74,6 @@ def thresholds(results: Results) -> Table | None:
     data = results.summary[results.summary.quantity.str.startswith(SHARE)]
     if data.empty:
         return None
-    data = data.reset_index(drop=True)
     words = data.quantity.str.removeprefix(SHARE).str.replace("_", " ")
     shown = in_words(data).assign(threshold=words)
     return Table(
@@ -107,7 +106,7 @@ def damage(data: pd.DataFrame) -> Table:
             in_words(data).assign(threshold=limit),
             ["tissue", "quantity", "threshold"],
             ["socket", "material_set"],
-            pd.Series(text),
+            text,
         ),
     )
 

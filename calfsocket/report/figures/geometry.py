@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shapely import Polygon
 
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import (
@@ -32,6 +32,9 @@ OVERLAP = "#d55e00"
 EDGE: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.4}
 
 ROOM_FOR_NUMBER_MM = 2.2  # radius that a number of two digits needs
+
+Place = NDArray[np.float64]
+"""x and y, mm."""
 
 
 def regions(results: Results) -> Figure:
@@ -70,9 +73,7 @@ def _by_tissue(fields: SectionFields) -> list[int]:
     return sorted(ids, key=lambda i: (order.index(fields.region_tissues[i]), i))
 
 
-def _number_places(
-    fields: SectionFields, ids: list[int]
-) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]]:
+def _number_places(fields: SectionFields, ids: list[int]) -> list[tuple[int, Place, Place | None]]:
     """Return number, place, and for regions too small for it the point that a line leads to.
 
     A number stands where its region is widest. That of a small one stands beside it, at the place
@@ -82,8 +83,8 @@ def _number_places(
     outlines = cKDTree(
         np.vstack([drawing.boundary(nodes[i], fields.points).interpolated(3).vertices for i in ids])
     )
-    placed: list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]] = []
-    small: list[tuple[int, NDArray[np.float64]]] = []
+    placed: list[tuple[int, Place, Place | None]] = []
+    small: list[tuple[int, Place]] = []
     for number, region in enumerate(ids, start=1):
         inside = fields.points[np.unique(nodes[region])]
         room, _ = outlines.query(inside)
@@ -116,10 +117,8 @@ def _draw_names(figure: Figure, fields: SectionFields, ids: list[int], left: flo
         if fields.region_tissues[region] != tissue:
             tissue = fields.region_tissues[region]
             y -= 0.4 * step
-            swatch = Rectangle(
-                (0, y - 1.1), 4.0, 2.2, facecolor=drawing.TISSUE_COLOURS[tissue], **EDGE
-            )
-            axes.add_patch(swatch)
+            colour = drawing.TISSUE_COLOURS[tissue]
+            axes.add_patch(Rectangle((0, y - 1.1), 4.0, 2.2, facecolor=colour, **EDGE))
             axes.text(5.5, y, tissue, fontsize=7.5, weight="bold", va="center")
             y -= step
         axes.text(4.0, y, str(number), fontsize=7, va="center", ha="right")
@@ -162,15 +161,6 @@ def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
     inside.set_clip_path(limb, axes.transData)
     for path in (limb, socket):
         drawing.draw_path(axes, path, fill=False, edgecolor=drawing.OUTLINE, linewidth=0.4)
-    outline = max(_areas(limb))
-    cavity = min(_areas(socket))
+    outline = max(Polygon(np.asarray(curve)).area for curve in limb.to_polygons())
+    cavity = min(Polygon(np.asarray(curve)).area for curve in socket.to_polygons())
     return 100 * (outline - cavity) / outline
-
-
-def _areas(path: Path) -> list[float]:
-    """Area within each closed curve of a path, mm^2."""
-    areas = []
-    for polygon in path.to_polygons(closed_only=True):
-        x, y = np.asarray(polygon).T
-        areas.append(0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))))
-    return areas
