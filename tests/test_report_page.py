@@ -217,7 +217,7 @@ def test_command_writes_the_report_with_the_thresholds_asked_for(monkeypatch, ca
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["nowhere"], "nowhere: holds neither"),
+        (["nowhere"], "nowhere: contains neither"),
         ([".", "--muscle-shear", "-1"], "muscle_shear_pct is -1"),
     ],
 )

@@ -164,7 +164,7 @@ def test_spoilt_results_are_refused_in_one_line(spoil, says, tmp_path):
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"holds neither a run\.json nor a case's result\.json"):
+    with pytest.raises(InputError, match=r"contains neither a run\.json nor a case's result\.json"):
         load_results(tmp_path)
     write_results(tmp_path, {TC: plate_result(TC)})
     run = json.loads((tmp_path / "run.json").read_text())

@@ -134,10 +134,10 @@ def test_results_of_another_study_are_not_mixed_in(results, tmp_path):
     check_folder(results, more, overwrite=False)  # adds a case, and leaves the other as it is
     assert len(more.cases) == 2
     stiffer = plan_of(write_study(tmp_path, STUDY.replace("2.2 GPa", "2.3 GPa")))
-    with pytest.raises(InputError, match=rf"other inputs \(case {NAME}\)"):
+    with pytest.raises(InputError, match=rf"other inputs \(case {NAME} changed\)"):
         check_folder(results, stiffer, overwrite=False)
     limit = plan_of(write_study(tmp_path, STUDY.replace("11 kPa", "9 kPa")))
-    with pytest.raises(InputError, match=r"other inputs \(thresholds\)"):
+    with pytest.raises(InputError, match=r"other inputs \(thresholds changed\)"):
         check_folder(results, limit, overwrite=False)
 
 

@@ -3,7 +3,6 @@
 import logging
 import time
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 from rich.console import Console
@@ -14,18 +13,9 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Event:
-    """An event of a case.
+    """What happened to a case, in a few words, at a load where that matters.
 
-    Attributes
-    ----------
-    case : str
-        Name of the case.
-    text : str
-        What happened, in a few words.
-    load : float or None
-        Load of the case, 0 to 1; None where it does not matter.
-    milestone : bool
-        Whether it gets a line in a log.
+    A milestone gets a line in a log.
     """
 
     case: str
@@ -35,14 +25,9 @@ class Event:
 
 
 class Reporter:
-    """Shows events of cases; a context manager, on rank 0.
+    """Shows events of cases in the study's order; a context manager, on rank 0.
 
-    Parameters
-    ----------
-    names : list of str
-        Cases, in the study's order.
-    console : rich.console.Console
-        Where to write; a terminal gets bars that move.
+    A terminal gets bars that move.
     """
 
     def __init__(self, names: list[str], console: Console) -> None:
@@ -68,12 +53,7 @@ class Reporter:
             self._progress.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._tasks:
             self._progress.stop()
 

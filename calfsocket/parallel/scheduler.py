@@ -22,9 +22,9 @@ class Scheduler:
     n_cases : int
         Cases to share out.
     ranks_per_case : int, optional
-        Ranks of a group. By default one, since cases side by side are faster than one case on
+        Ranks of a group. If None, one: cases side by side are faster than one case on
         several ranks; more where there are more ranks than cases.
-    on_report : callable, optional
+    on_report : callable
         Called on rank 0 of `comm` with each message of any group.
 
     Attributes
@@ -39,8 +39,8 @@ class Scheduler:
         self,
         comm: MPI.Intracomm,
         n_cases: int,
-        ranks_per_case: int | None = None,
-        on_report: Callable[[Any], None] | None = None,
+        ranks_per_case: int | None,
+        on_report: Callable[[Any], None],
     ) -> None:
         self._comm = comm
         self._n_cases = n_cases
@@ -76,15 +76,8 @@ class Scheduler:
     def agree(self, failure: str) -> str:
         """Agree on how a case ended (every rank of the group, once a case).
 
-        Parameters
-        ----------
-        failure
-            Why this rank could not continue; empty where the case went well.
-
-        Returns
-        -------
-        str
-            The first rank's failure of those that have one, the same on all ranks.
+        `failure` says why this rank could not continue; it is empty where the case went well. All
+        ranks return the first rank's failure of those that have one.
 
         Raises
         ------
@@ -105,7 +98,7 @@ class Scheduler:
         if self.group.rank != 0:
             return
         if self._comm.rank == 0:
-            self._deliver(message)
+            self._on_report(message)
             self.collect()
         else:
             self._comm.send(message, dest=0, tag=_REPORT)
@@ -113,7 +106,7 @@ class Scheduler:
     def collect(self) -> None:
         """Deliver the messages that have arrived on rank 0."""
         while self._comm.iprobe(tag=_REPORT):
-            self._deliver(self._comm.recv(tag=_REPORT))
+            self._on_report(self._comm.recv(tag=_REPORT))
 
     def finish(self) -> None:
         """Wait for all groups, delivering their messages meanwhile (collective)."""
@@ -127,7 +120,3 @@ class Scheduler:
         self._counter.Free()
         self._agreement.Free()
         self.group.Free()
-
-    def _deliver(self, message: Any) -> None:
-        if self._on_report is not None:
-            self._on_report(message)

@@ -42,14 +42,7 @@ class CheckpointError(CalfsocketError):
 class Checkpoint:
     """The file of a case's last equilibrium (every method is collective).
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    model : Problem
-        What is solved.
-    inputs : mapping
-        Everything else that the numbers depend on, as JSON takes it.
+    `inputs` is everything that the numbers depend on besides the problem, as JSON takes it.
     """
 
     def __init__(self, path: Path, model: Problem, inputs: Mapping[str, object]) -> None:

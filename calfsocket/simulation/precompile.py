@@ -39,13 +39,8 @@ def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> Non
     half compiled while no other process uses the cache was left by one that was killed, and is
     thrown away; without that, dolfinx waits for it in vain.
 
-    Parameters
-    ----------
-    comm
-        All ranks.
-    sets
-        Material sets of the cases, the paper's unless given: each kind of law, and the one of the
-        skin's surface, has forms of its own.
+    The material sets of the cases are the paper's unless given: each kind of law, and the one of
+    the skin's surface, has forms of its own.
     """
     folder = cache_folder()
     jit.DOLFINX_DEFAULT_JIT_OPTIONS["cache_dir"] = (folder, "calfsocket")

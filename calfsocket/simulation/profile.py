@@ -38,13 +38,7 @@ DOLFINX_TIMERS = (
 
 
 class Phases:
-    """Wall time of the phases of a case.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Time of each phase so far.
-    """
+    """Wall time of the phases of a case so far, in `seconds`."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -89,13 +83,7 @@ class Profile:
         }
 
     def rows(self, phases: Mapping[str, float]) -> pd.DataFrame:
-        """Return what, calls and seconds: phases, events within the solution, timers of dolfinx.
-
-        Parameters
-        ----------
-        phases : mapping of str to float
-            Wall time of each phase of the case, s.
-        """
+        """Return what, calls and seconds: phases, events within the solution, timers of dolfinx."""
         rows = [("phase", name, 1, seconds) for name, seconds in phases.items()]
         solve = phases.get(SOLVE, 0.0)
         known = sum(self._events[name][1] for name in SOLVE_EVENTS)

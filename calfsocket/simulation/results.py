@@ -20,18 +20,6 @@ Key = tuple[str, str]
 """Socket and material set."""
 
 
-class _Files:
-    """Reads every case once, from its folder."""
-
-    def __init__(self, folders: Mapping[Key, Path]) -> None:
-        self._folders, self._known = folders, dict[Key, Result]()
-
-    def __call__(self, record: CaseRecord) -> Result:
-        if record.key not in self._known:
-            self._known[record.key] = Result.read(self._folders[record.key], record)
-        return self._known[record.key]
-
-
 class Results(Mapping[Key, Result]):
     """Results of several cases by (socket, material set), in the order of the study.
 
@@ -202,9 +190,15 @@ def load_results(folder: Path | str) -> Results:
         found = {record.key: (place, record) for place, record in read}
     if not found:
         raise InputError(f"{folder}: contains neither a {RUN_FILE} nor a case's {RESULT_FILE}")
+    known: dict[Key, Result] = {}
+
+    def read_once(record: CaseRecord) -> Result:
+        if record.key not in known:
+            known[record.key] = Result.read(found[record.key][0], record)
+        return known[record.key]
+
     records = {key: record for key, (_, record) in found.items()}
-    files = _Files({key: place for key, (place, _) in found.items()})
-    return Results(folder, run, records, files)
+    return Results(folder, run, records, read_once)
 
 
 def _read_table(path: Path) -> pd.DataFrame:

@@ -84,7 +84,7 @@ class Case:
 class Plan:
     """What a study solves: the cases of its file, or those whose names are chosen.
 
-    `source` repeats it; `parameters` are the dotted names of what a sweep changes.
+    `source` repeats it; `parameters` are those of `Planner`.
     """
 
     source: StudySource
@@ -112,11 +112,7 @@ class Plan:
     @property
     def settings(self) -> dict[str, dict[str, Any]]:
         """Tables `model` and `steps`, defaults filled in."""
-        document = self.document
-        return {
-            "model": document.model.model_dump(mode="json"),
-            "steps": document.steps.model_dump(mode="json"),
-        }
+        return self.document.model_dump(mode="json", include={"model", "steps"})
 
     @cached_property
     def fingerprints(self) -> dict[str, str]:
@@ -138,12 +134,8 @@ class _Asked:
 class Planner:
     """Makes the cases of a study file; parameters as of `Study`.
 
-    Attributes
-    ----------
-    document : Document
-        The file without changes.
-    parameters : tuple of str
-        Dotted names of what a sweep changes, in the order of the file.
+    `document` is the file without changes; `parameters` are the dotted names of what a sweep
+    changes, in the order of the file.
 
     Raises
     ------

@@ -53,12 +53,7 @@ def damage(then: Mapping[str, str | None], now: Mapping[str, str | None]) -> str
 def earlier_run(path: Path, conditions: Mapping[str, Any] | None) -> StudyRecord | None:
     """Read an earlier run.json, if there is one.
 
-    Parameters
-    ----------
-    path : Path
-        The run.json.
-    conditions : mapping, optional
-        Values that it must have, e.g. of `versions`.
+    `conditions` are values that it must have, e.g. of `versions`.
 
     Raises
     ------

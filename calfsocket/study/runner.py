@@ -6,7 +6,7 @@ import logging
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -39,23 +39,17 @@ from calfsocket.study.restart import digests
 log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True)
 class Runner:
     """Solves the cases of a study and writes their results; parameters as of `Study.run`."""
 
-    def __init__(
-        self,
-        comm: MPI.Intracomm,
-        plan: Plan,
-        out: Path,
-        ranks_per_case: int | None = None,
-        pictures: bool = True,
-        profile: bool = False,
-        console: Console | None = None,
-    ) -> None:
-        self.comm, self.plan, self.out = comm, plan, out
-        self.ranks_per_case = ranks_per_case
-        self.pictures, self.profile = pictures, profile
-        self.console = console or Console(stderr=True)
+    comm: MPI.Intracomm
+    plan: Plan
+    out: Path
+    ranks_per_case: int | None = None
+    pictures: bool = True
+    profile: bool = False
+    console: Console | None = None
 
     def run(self, resume: bool = False) -> bool:
         """Solve every case (collective); return whether all reached the full load.
@@ -88,7 +82,9 @@ class Runner:
         return recorder, tuple(self.plan.cases[number] for number in numbers)
 
     def _solve(self, cases: tuple[Case, ...], recorder: Recorder | None, resume: bool) -> None:
-        reporter = Reporter([case.name for case in cases], self.console) if recorder else None
+        names = [case.name for case in cases]
+        console = self.console or Console(stderr=True)
+        reporter = Reporter(names, console) if recorder else None
 
         def on_report(message: Event | CaseRecord) -> None:
             assert recorder is not None and reporter is not None

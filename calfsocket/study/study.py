@@ -5,7 +5,6 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,6 +24,8 @@ from calfsocket.study.record import check_folder
 from calfsocket.study.runner import Runner
 
 log = logging.getLogger(__name__)
+
+_DATA = Path(__file__).parent / "data"
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class Study:
     @classmethod
     def paper(cls) -> Self:
         """Return the study of the paper, which is part of the package."""
-        return cls.read(Path(str(files("calfsocket.study") / "data" / "paper.toml")))
+        return cls.read(_DATA / "paper.toml")
 
     @classmethod
     def _of_run(cls, path: Path) -> Self:
@@ -221,13 +222,12 @@ class Study:
 
 def variants() -> dict[str, dict[str, Any]]:
     """Return the choices that the paper's text leaves open, each as changes of its study."""
-    tables = read_toml(Path(str(files("calfsocket.study") / "data" / "variants.toml")))
-    return dict(tables["sweep"]["variants"])
+    return dict(read_toml(_DATA / "variants.toml")["sweep"]["variants"])
 
 
 def example() -> str:
     """Return the example study, a file for people to change."""
-    return (files("calfsocket.study") / "data" / "example.toml").read_text(encoding="utf-8")
+    return (_DATA / "example.toml").read_text(encoding="utf-8")
 
 
 def _harmless(path: Path, options: dict[str, str]) -> dict[str, str]:
