@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def _processor() -> str:
-    """Return the processor's name where Linux tells it."""
+    """Return the processor's name where Linux reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

@@ -3,13 +3,13 @@
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from rich.table import Table
 
-from benchmarks.measure import study
+from benchmarks.measure import ONE, study
 from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR
 
 SIZES = ("7000", "15000", "31900", "65000", "130000", "200000")
-ONE = ("--sockets", "TSB", "--materials", "combined")
 FITTED = (
     "iteration_s",
     "factorisation_s",
@@ -25,35 +25,29 @@ def measure(sizes: tuple[str, ...] = SIZES) -> dict[str, Any]:
     rows = []
     for size in sizes:
         measured = study("--size", size, *ONE)
-        assert measured.profile is not None
         (case,) = measured.run["cases"].values()
+        checks, phases = case["checks"], case["seconds"]
         seconds = measured.profile.set_index(["level", "what"])["seconds"]
-        n = case["newton_iterations"]
+        n = checks["newton_iterations"]
         factorisation, solves = (seconds[SOLVE, what] / n for what in (FACTORISATION, TRIANGULAR))
         rows.append(
             {
-                "triangles": case["cells"],
-                "unknowns": case["unknowns"],
+                "triangles": checks["cells"],
+                "unknowns": checks["unknowns"],
                 "iterations": n,
-                "failed_steps": case["failed_steps"],
-                "mesh_s": case["seconds"]["mesh"],
-                "iteration_s": case["seconds"]["solve"] / n,
+                "failed_steps": checks["failed_steps"],
+                "mesh_s": phases["mesh"],
+                "iteration_s": phases["solve"] / n,
                 "factorisation_s": factorisation,
                 "triangular_solve_s": solves,
-                "other_s": case["seconds"]["solve"] / n - factorisation - solves,
+                "other_s": phases["solve"] / n - factorisation - solves,
                 "seconds": measured.seconds,
                 "memory_MiB": measured.memory,
             }
         )
-    exponents = {
-        name: float(
-            np.polyfit(
-                np.log([row["triangles"] for row in rows]), np.log([row[name] for row in rows]), 1
-            )[0]
-        )
-        for name in FITTED
-    }
-    return {"runs": rows, "exponents": exponents}
+    logarithms = np.log(pd.DataFrame(rows)[["triangles", *FITTED]])
+    slopes, _ = np.polyfit(logarithms["triangles"], logarithms[[*FITTED]], 1)
+    return {"runs": rows, "exponents": dict(zip(FITTED, slopes.tolist(), strict=True))}
 
 
 def table(result: dict[str, Any]) -> Table:

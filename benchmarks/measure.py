@@ -17,30 +17,19 @@ import pandas as pd
 # iteration comes before that of the study.
 ITERATION, OCCURRENCE = "  1 SNES Function norm", 2
 
+ONE = ("--sockets", "TSB", "--materials", "combined")
+"""Options of one run."""
+
 
 @dataclass(frozen=True)
 class Measured:
-    """A process.
+    """A study that ran as a process."""
 
-    Attributes
-    ----------
-    seconds : float
-        Wall time.
-    first_iteration : float or None
-        Wall time to the first Newton iteration's end, s.
-    memory : float
-        Largest resident memory of the process, MiB; of one rank, with mpirun.
-    run : dict
-        The run.json that it wrote; empty where there is none.
-    profile : pd.DataFrame or None
-        The profile.csv that it wrote.
-    """
-
-    seconds: float
-    first_iteration: float | None
-    memory: float
-    run: dict[str, Any]
-    profile: pd.DataFrame | None
+    seconds: float  #: wall time
+    first_iteration: float | None  #: wall time to the first Newton iteration's end, s
+    memory: float  #: largest resident memory of the process, MiB; of one rank, with mpirun
+    run: dict[str, Any]  #: its run.json
+    profile: pd.DataFrame  #: its profile.csv
 
 
 def study(*options: str, ranks: int = 1, cache: Path | None = None) -> Measured:

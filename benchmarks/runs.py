@@ -24,7 +24,6 @@ ITERATIONS = {
 def measure(size: str) -> dict[str, Any]:
     """Solve the six runs; return a row a run."""
     measured = study("--size", size)
-    assert measured.profile is not None
     rows = []
     for (socket, material_set), profile in measured.profile.groupby(
         ["socket", "material_set"], sort=False

@@ -131,7 +131,7 @@ def _refuse(error: InputError, first: bool) -> int:
 
 
 def _split_petsc(argv: list[str]) -> tuple[list[str], list[str]]:
-    """Part PETSc's options (-calfsocket_NAME [VALUE]) from ours."""
+    """Separate PETSc's options (-calfsocket_NAME [VALUE]) from ours."""
     ours: list[str] = []
     petsc: list[str] = []
     named = False

@@ -9,10 +9,7 @@ In plane strain (e3 = 0), with d = ln(l1/l2) = e1 - e2 and ln J = e1 + e2,
 The Kirchhoff stress has the deviator 2 mu dev(e). Abaqus's "linear elastic" at large strain applies
 the moduli to the Cauchy stress: a factor of J, which an energy cannot have. For bone and PETG
 (strains below 1 %) nothing of that is measurable; in vessels the deviator differs by their change
-of volume.
-
-Hencky 1928; Anand, On H. Hencky's approximate strain-energy function, 1979,
-doi:10.1115/1.3424532.
+of volume. References are those of `materials.hencky.Hencky`.
 """
 
 from collections.abc import Sequence
@@ -24,15 +21,7 @@ from calfsocket.forms.kinematics import Jet, log_ratio_squared
 
 
 def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
-    """Isochoric energy per reference volume and its derivatives by x, MPa.
-
-    Parameters
-    ----------
-    x, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    coefficients : sequence of Expr
-        (mu,), the shear modulus, MPa.
-    """
+    """`mixed.LawForm` of (mu,), the shear modulus, MPa."""
     (mu,) = coefficients
     shear = 0.5 * mu * log_ratio_squared(x)
     return Jet(shear.value + mu * ufl.ln(J) ** 2 / 6.0, shear.first, shear.second)

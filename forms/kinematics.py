@@ -21,7 +21,7 @@ from typing import Any
 import ufl
 from ufl.core.expr import Expr
 
-# Two series; `accuracy.series_error` measures the stress's relative error that they leave: for
+# Two series; tests measure the relative error that they leave in the stress: for
 # exponents up to 26 it is 1e-14 up to l1/l2 = 3, 1e-12 at 4, 1e-10 at 6.8 and 1e-6 at 26.
 # ln^2(l1/l2): halvings of the logarithm, and terms of the series.
 LOG_HALVINGS = 2
@@ -63,11 +63,6 @@ class Jet:
     """Value of a function of one variable and its first two derivatives: UFL or arrays.
 
     Series have them written out: UFL's derivative of Horner's rule takes several times the work.
-
-    Attributes
-    ----------
-    value, first, second : Expr or array
-        f, f' and f''.
     """
 
     value: Any
@@ -108,12 +103,7 @@ def log_ratio_squared(x: Any, sqrt: Any = ufl.sqrt) -> Jet:
     Halving the logarithm d, x' = cosh(d/2) - 1 = (x/2) / (1 + sqrt(1 + x/2)), brings x near zero,
     where d^2 = acosh^2(1 + x) = sum_{n>=1} (-1)^(n+1) 2^(n+1) x^n / (n^2 C(2n, n)) converges fast.
 
-    Parameters
-    ----------
-    x : UFL expression or array
-        Dimensionless, >= 0.
-    sqrt : callable
-        The square root that goes with x: `ufl.sqrt` or `numpy.sqrt`.
+    x >= 0 is a UFL expression, or an array with `numpy.sqrt` as its square root.
     """
     halved = Jet(x, 1.0, 0.0)
     for _ in range(LOG_HALVINGS):

@@ -15,14 +15,7 @@ def cauchy_stress(material: Material, F: Expr, p: Expr) -> Expr:
 
         sigma = 2 psi_q D(F) F^T / J + (psi_J + p) I,   sigma33 = p - 2 (psi_q q / J + psi_J).
 
-    Parameters
-    ----------
-    material : Material
-        The law with its parameters.
-    F : Expr
-        In-plane deformation gradient (2x2).
-    p : Expr
-        Pressure, MPa, > 0 in tension (see `mixed.pressure`).
+    F is the in-plane deformation gradient (2x2), p the `mixed.pressure`.
     """
     by = isochoric(material.law_form, F, material.coefficients)
     q, J = stretch_difference_squared(F), ufl.det(F)

@@ -8,7 +8,7 @@ psi the law's isochoric energy and p > 0 in tension: stationarity in p gives J -
 U(J) = K/2 (J - 1)^2, which is Abaqus's (J - 1)^2 / D1 with K = 2/D1. Where a tissue is
 incompressible 1/K = 0 and the last term is absent. For "linear elastic" tissues Abaqus has
 p = K ln J instead: in vessels (K = 167 kPa) at 15 kPa J is 0.910 here and 0.914 there; bone and
-PETG do not tell the difference.
+PETG do not show the difference.
 
 The unknown is p_dof, with p = pressure_scale * p_dof and the tissue's shear modulus as the scale,
 so that soft and stiff tissues have unknowns of like size.
@@ -37,29 +37,20 @@ from calfsocket.forms.kinematics import (
 )
 
 LawForm = Callable[[Expr, Expr, Sequence[Expr]], Jet]
-"""A law's isochoric energy and its derivatives by x, from (x, J, coefficients); MPa."""
+"""A law's isochoric energy per reference volume, MPa, and its derivatives by x.
+
+From the invariants of `kinematics`, x = (l1 - l2)^2 / (2 J) and J = det F, and its coefficients.
+"""
 
 
 @dataclass(frozen=True)
 class Material:
-    """A law in UFL: its energy with its parameters.
+    """A law in UFL: its energy with its parameters, constant in each cell."""
 
-    Attributes
-    ----------
-    law_form : callable
-        Isochoric energy, e.g. `ogden.energy`.
-    coefficients : tuple of Expr
-        What `law_form` takes: functions that are constant in each cell, or constants.
-    inverse_bulk : Expr
-        1/K, 1/MPa; 0 where incompressible.
-    pressure_scale : Expr
-        Pressure of a unit value of the unknown, MPa.
-    """
-
-    law_form: LawForm
-    coefficients: tuple[Expr, ...]
-    inverse_bulk: Expr
-    pressure_scale: Expr
+    law_form: LawForm  #: e.g. `ogden.energy`
+    coefficients: tuple[Expr, ...]  #: what it takes
+    inverse_bulk: Expr  #: 1/K, 1/MPa; 0 where incompressible
+    pressure_scale: Expr  #: pressure of a unit value of the unknown, MPa
 
 
 @dataclass(frozen=True)
@@ -125,14 +116,7 @@ def pressure(p_dof: Expr, pressure_scale: Expr) -> Expr:
 def first_piola(material: Material, F: Expr, p: Expr) -> Expr:
     """First Piola-Kirchhoff stress P = 2 psi_q D(F) + (psi_J + p) cof F (2x2), MPa.
 
-    Parameters
-    ----------
-    material : Material
-        The law with its parameters.
-    F : Expr
-        In-plane deformation gradient (2x2).
-    p : Expr
-        Pressure, MPa, > 0 in tension (see `pressure`).
+    F is the in-plane deformation gradient (2x2), p the `pressure`.
     """
     by = isochoric(material.law_form, F, material.coefficients)
     return 2.0 * by.q * distortion(F) + (by.J + p) * cofactor(F)
@@ -167,10 +151,7 @@ def _volumetric(material: Material, F: Expr, p: Expr) -> Expr:
 def stresses(material: Material, F: Expr, p: Expr) -> Expr:
     """Stress measures of the residual at a point, for residuals that are assembled without UFL.
 
-    Returns
-    -------
-    Expr
-        (5,): P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa.
+    They are P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa; (5,).
     """
     P = first_piola(material, F, p)
     volumetric = material.pressure_scale * _volumetric(material, F, p)
@@ -180,11 +161,8 @@ def stresses(material: Material, F: Expr, p: Expr) -> Expr:
 def moduli(material: Material, F: Expr, p: Expr) -> Expr:
     """Tangent moduli at a point, for element tangents that are assembled without UFL.
 
-    Returns
-    -------
-    Expr
-        (15,): the upper triangle, row by row, of the symmetric derivative of `stresses` by (F11,
-        F12, F21, F22, p_dof), MPa.
+    The upper triangle, row by row, of the symmetric derivative of `stresses` by (F11, F12, F21,
+    F22, p_dof), MPa; (15,).
     """
     by = isochoric(material.law_form, F, material.coefficients)
     unit = [ufl.as_matrix(((a, b), (c, d))) for a, b, c, d in np.eye(4)]
@@ -211,14 +189,7 @@ def volume_measure(domain: ufl.Mesh, material_tags: object) -> ufl.Measure:
 def potential(w: Expr, materials: Mapping[int, Material], dx: ufl.Measure) -> ufl.Form:
     """Total potential of the mixed function w = (u, p_dof), N mm per mm of limb length.
 
-    Parameters
-    ----------
-    w : Expr
-        Mixed function.
-    materials : mapping of int to Material
-        The material of each cell tag of `dx`.
-    dx : ufl.Measure
-        See `volume_measure`.
+    `materials` has the material of each cell tag of dx, which is a `volume_measure`.
     """
     u, p_dof = ufl.split(w)
     F = deformation_gradient(u)

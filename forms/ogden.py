@@ -2,18 +2,14 @@ r"""Ogden's law, isochoric part.
 
     psi = sum_i 2 mu_i / alpha_i^2 (lb1^alpha_i + lb2^alpha_i + lb3^alpha_i - 3),
 
-lb_k = J^(-1/3) l_k the three deviatoric stretches (plane strain: l3 = 1). This is Abaqus's form;
-the initial shear modulus is mu_0 = sum_i mu_i. The paper's equation (1) has mu_i/alpha_i in front:
-the same energy with every mu_i multiplied by alpha_i/2, which is how
-`calfsocket.materials.ogden.Ogden` offers it.
+lb_k = J^(-1/3) l_k the three deviatoric stretches (plane strain: l3 = 1): Abaqus's form, to which
+`materials.ogden.Ogden`, which has the reference, converts its other one.
 
 With s = J^(alpha/6), d = ln(l1/l2) and l1^a + l2^a = 2 J^(a/2) cosh(a d/2), the bracket is
 
     2 s (cosh(alpha d/2) - 1) + (s - 1)^2 (2 s + 1) / s^2,
 
 where neither term cancels near F = I.
-
-Ogden, Large deformation isotropic elasticity, 1972, doi:10.1098/rspa.1972.0026.
 """
 
 from collections.abc import Sequence
@@ -25,15 +21,7 @@ from calfsocket.forms.kinematics import Jet, cosh_minus_one, log_ratio_squared
 
 
 def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
-    """Isochoric energy per reference volume and its derivatives by x, MPa.
-
-    Parameters
-    ----------
-    x, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    coefficients : sequence of Expr
-        (mu_1, alpha_1, mu_2, alpha_2, ...): a modulus, MPa, and an exponent, not zero, a term.
-    """
+    """`mixed.LawForm` of (mu_1, alpha_1, mu_2, alpha_2, ...): moduli, MPa, and exponents, not 0."""
     d_squared = log_ratio_squared(x)
     log_J = ufl.ln(J)
     psi, by_x, by_xx = 0.0, 0.0, 0.0

@@ -2,10 +2,7 @@ r"""Yeoh's law.
 
     psi = C10 (I1b - 3) + C20 (I1b - 3)^2 + C30 (I1b - 3)^3
 
-with the deviatoric first invariant (`kinematics.first_invariant`). The initial shear modulus is
-mu_0 = 2 C10.
-
-Yeoh, Some forms of the strain energy function for rubber, 1993, doi:10.5254/1.3538343.
+with the deviatoric first invariant (`kinematics.first_invariant`); see `materials.yeoh.Yeoh`.
 """
 
 from collections.abc import Sequence
@@ -16,15 +13,7 @@ from calfsocket.forms.kinematics import Jet, first_invariant
 
 
 def energy(x: Expr, J: Expr, coefficients: Sequence[Expr]) -> Jet:
-    """Isochoric energy per reference volume and its derivatives by x, MPa.
-
-    Parameters
-    ----------
-    x, J : Expr
-        Invariants of `kinematics`: (l1 - l2)^2 / (2 J) and det F.
-    coefficients : sequence of Expr
-        (C10, C20, C30), MPa.
-    """
+    """`mixed.LawForm` of (C10, C20, C30), MPa."""
     c10, c20, c30 = coefficients
     strain = first_invariant(x, J)
     i = strain.value

@@ -132,6 +132,11 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
         layers.skin,
     ]
     heights = np.cumsum([0.0, *depths])
+    # By the rules of the limb: fine along fascia and skin, growing from there.
+    inside = compound.compartments
+    thinnest = min(layers.fascia, layers.periosteum, inside.septum)
+    on_fascia = float(np.clip(size.gap_fraction * thinnest, size.smallest, size.on_curves))
+    at_corners = min(on_fascia, size.curvature_fraction * inside.corner_radius)
     with gmsh_model.session("compound"):
         right = 0.5 * compound.width
         ends = [[gmsh.model.occ.addPoint(x, y, 0.0) for x in (-right, right)] for y in heights]
@@ -149,7 +154,7 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
             for level, (left_side, right_side) in enumerate(sides)
         )
         within = [gmsh_model.add_region(muscle) for muscle in muscles]
-        plate = add_plate(compound.plate, 0.0, heights[-1], side=1)
+        plate, face, back = add_plate(compound.plate, 0.0, heights[-1], side=1)
         gmsh_model.mesh(
             {
                 "skin": skin,
@@ -157,23 +162,29 @@ def build(compound: Compound, size: MeshSize) -> TriangleMesh:
                 "fascia": fascia,
                 **dict(zip(compound.muscles, within, strict=True)),
                 "bone": bone,
-                tags.SOCKET: plate.surface,
+                tags.SOCKET: plate,
             },
             {
                 tags.SKIN_SURFACE: [across[-1]],
-                tags.SOCKET_INNER: plate.face,
-                tags.SOCKET_OUTER: plate.back,
+                tags.SOCKET_INNER: face,
+                tags.SOCKET_OUTER: back,
                 tags.TIBIA_MEDULLARY: [across[0]],
                 tags.SIDES: [*chain(*sides)],
             },
-            lambda: _sizes(
-                compound,
-                size,
-                fascia=[*across[1:3], *chain(*muscles)],
-                corners=[arc for muscle in muscles for arc in muscle[::2]],
-                skin=across[-2:],
-                plate=plate.face,
-            ),
+            lambda: [
+                gmsh_model.add_growth(
+                    gmsh_model.add_field("Distance", CurvesList=curves, Sampling=SAMPLING),
+                    h,
+                    size.largest,
+                    size.growth,
+                )
+                for curves, h in (
+                    ([*across[1:3], *chain(*muscles)], on_fascia),
+                    ([arc for muscle in muscles for arc in muscle[::2]], at_corners),
+                    (across[-2:], size.on_skin),
+                    (face, size.socket_inner),
+                )
+            ],
         )
         return smooth(gmsh_model.extract())
 
@@ -196,28 +207,3 @@ def _compartments(compound: Compound, bone: float) -> list[list[tuple[float, flo
         ]
         for i in range(inside.number)
     ]
-
-
-def _sizes(
-    compound: Compound,
-    size: MeshSize,
-    fascia: list[int],
-    corners: list[int],
-    skin: list[int],
-    plate: list[int],
-) -> list[int]:
-    """Add size fields by the rules of the limb: fine along fascia and skin, growing from there."""
-    layers, inside = compound.layers, compound.compartments
-    thinnest = min(layers.fascia, layers.periosteum, inside.septum)
-    on_fascia = float(np.clip(size.gap_fraction * thinnest, size.smallest, size.on_curves))
-    at_corners = min(on_fascia, size.curvature_fraction * inside.corner_radius)
-    wanted = (
-        (fascia, on_fascia), (corners, at_corners), (skin, size.on_skin), (plate, size.socket_inner)
-    )  # fmt: skip
-    return [
-        gmsh_model.add_growth(
-            gmsh_model.add_field("Distance", CurvesList=curves, Sampling=SAMPLING),
-            h, size.largest, size.growth,
-        )
-        for curves, h in wanted
-    ]  # fmt: skip

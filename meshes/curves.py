@@ -27,7 +27,7 @@ SAME_POINT = 1e-3
 def _neighbours_differ(value: tuple[Point, ...]) -> tuple[Point, ...]:
     for point, following in pairwise((*value, value[0])):
         if math.dist(point, following) <= SAME_POINT:
-            raise ValueError(f"point {list(point)} follows itself; do not repeat points")
+            raise ValueError(f"point {list(point)} is repeated; list each point once")
     return value
 
 
@@ -47,15 +47,9 @@ CROSSING_POINTS = 2000
 
 @dataclass(frozen=True)
 class ClosedCurve:
-    """A simple closed curve in the plane, x(t) for t in [0, period], counter-clockwise.
+    """A simple closed curve in the plane, x(t) for t in [0, period], counter-clockwise."""
 
-    Parameters
-    ----------
-    spline
-        Periodic C2 cubic spline with values in mm, shape (2,).
-    """
-
-    spline: CubicSpline
+    spline: CubicSpline  #: periodic and C2, with values in mm, shape (2,)
 
     @property
     def knots(self) -> Array:
@@ -71,14 +65,10 @@ class ClosedCurve:
         """Return x(t), mm, or a derivative of it, shape (..., 2)."""
         return self.spline(t, derivative)
 
-    def tangent(self, t: ArrayLike) -> Array:
-        """Return the unit tangent, counter-clockwise, shape (..., 2)."""
-        velocity = self.evaluate(t, 1)
-        return velocity / np.linalg.norm(velocity, axis=-1, keepdims=True)
-
     def normal(self, t: ArrayLike) -> Array:
         """Return the outward unit normal, shape (..., 2)."""
-        tangent = self.tangent(t)
+        velocity = self.evaluate(t, 1)
+        tangent = velocity / np.linalg.norm(velocity, axis=-1, keepdims=True)
         return np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1)
 
     def curvature(self, t: ArrayLike) -> Array:
@@ -142,10 +132,7 @@ class ClosedCurve:
 def through(points: ArrayLike) -> ClosedCurve:
     """Return the periodic C2 cubic spline through the points, parameter = cumulative chord length.
 
-    Parameters
-    ----------
-    points
-        Counter-clockwise, the first not repeated, mm, shape (n, 2).
+    The points are counter-clockwise, the first not repeated, mm, shape (n, 2).
     """
     closed = np.asarray(points, dtype=float)
     closed = np.concatenate([closed, closed[:1]])
@@ -178,10 +165,7 @@ def interpolated(exact: Callable[[Array], Array], knots: ArrayLike) -> ClosedCur
         if not poor.any():
             return curve
         knots = np.sort(np.concatenate([knots, between[1, poor]]))
-    raise InputError(
-        "a curve turns too sharply for cubic pieces; smooth its points, what it is offset by, or"
-        " its bumps"
-    )
+    raise InputError("a curve turns too sharply; smooth its points, its offset, or its bumps")
 
 
 def ellipse(center: ArrayLike, semi_axes: ArrayLike, angle: float) -> ClosedCurve:
@@ -197,15 +181,7 @@ def ellipse(center: ArrayLike, semi_axes: ArrayLike, angle: float) -> ClosedCurv
 
 
 def offset(curve: ClosedCurve, distance: Distance) -> ClosedCurve:
-    """Return a curve moved along its outward normal.
-
-    Parameters
-    ----------
-    curve
-        The curve to move; the result has its parameter.
-    distance
-        Points on the curve, mm, shape (n, 2) -> distance outward, mm, shape (n,).
-    """
+    """Return a curve moved along its outward normal by a distance; it keeps its parameter."""
 
     def exact(t: Array) -> Array:
         points = curve.evaluate(t)

@@ -20,31 +20,20 @@ from calfsocket.meshes.triangles import TriangleMesh
 class SectionMesh:
     """A limb and its socket, two bodies in one dolfinx mesh of curved (quadratic) triangles.
 
-    Parameters
-    ----------
-    mesh
-        Lengths in mm; cells that share a facet with a neighbouring rank's cells are ghosted.
-    cell_tags
-        Region of each cell, owned or ghost.
-    facet_tags
-        Boundary of each facet on a named boundary, owned or ghost.
-    regions, boundaries
-        Name -> tag, the same on all ranks.
+    Cells that share a facet with a neighbouring rank's cells are ghosted, and tagged there, too.
 
-    Notes
-    -----
     dolfinx renumbers cells and nodes, and differently for each number of ranks. Two arrays lead
     back to the numbering of gmsh, which depends on the input alone:
     ``mesh.topology.original_cell_index[c]`` is the row of local cell c (ghosts included) in
     ``TriangleMesh.cells``, and ``mesh.geometry.input_global_indices[n]`` the row of local node n
-    in ``TriangleMesh.points``. Results gathered in the order of these are the same on any number
+    in ``TriangleMesh.points``. Results collected in the order of these are the same on any number
     of ranks.
     """
 
-    mesh: Mesh
-    cell_tags: MeshTags
-    facet_tags: MeshTags
-    regions: dict[str, int]
+    mesh: Mesh  #: lengths in mm
+    cell_tags: MeshTags  #: region of each cell
+    facet_tags: MeshTags  #: boundary of each facet on a named boundary
+    regions: dict[str, int]  #: name -> tag, the same on all ranks
     boundaries: dict[str, int]
 
     def cell_regions(self) -> NDArray[np.int32]:

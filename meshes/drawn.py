@@ -1,7 +1,7 @@
 """A closed outline as somebody drew it: pieces joined to a polygon, and that checked."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,21 +28,11 @@ _OTHER_UNITS = {"m": 1000.0, "inch": 25.4, "cm": 10.0, "micrometres": 1e-3}
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of an outline without branches.
+    """A part of an outline without branches."""
 
-    Attributes
-    ----------
-    place : str
-        Its place in the file, e.g. "LINE 2F".
-    points : (n, 2)
-        In mm, its ends included: the vertices of straight lines, or points close together.
-    curved : bool
-        Whether the points were sampled from a curve.
-    """
-
-    place: str
-    points: Array
-    curved: bool = False
+    place: str  #: in the file, e.g. "LINE 2F"
+    points: Array  #: (n, 2), mm, ends included: vertices of straight lines, or close together
+    curved: bool = False  #: whether the points were sampled from a curve
 
     @property
     def places(self) -> list[str]:
@@ -50,10 +40,6 @@ class Piece:
         if self.curved or len(self.points) == 2:
             return [self.place] * len(self.points)
         return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
-
-    def backwards(self) -> "Piece":
-        """Return the same piece from its end to its start."""
-        return Piece(self.place, self.points[::-1], self.curved)
 
     def dense(self) -> "Piece":
         """Return the same piece with points at most `STEP` apart."""
@@ -69,24 +55,12 @@ class Piece:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A closed polygon: points on the outline, the first not repeated.
-
-    Attributes
-    ----------
-    path : Path
-        The file, named in errors.
-    points : (n, 2)
-        In mm, in the order of the file.
-    places : sequence of str
-        Place of each point in the file, e.g. "line 12".
-    unit : str
-        What the file says of its unit, for errors.
-    """
+    """A closed polygon: points on the outline, in the order of the file, the first not repeated."""
 
     path: Path
-    points: Array
-    places: Sequence[str]
-    unit: str = ""
+    points: Array  #: (n, 2), mm
+    places: Sequence[str]  #: of each point in the file, e.g. "line 12"
+    unit: str = ""  #: what the file says of it, for errors
 
     def check(self) -> None:
         """Raise an InputError unless a smooth closed curve can follow the points."""
@@ -101,12 +75,12 @@ class Drawn:
         if number < 4:
             raise InputError(
                 f"{self.path}: has {number} {'point' if number == 1 else 'points'}; a closed curve"
-                " needs 4 or more, a socket some dozens"
+                " needs at least 4, a socket a few dozen"
             )
         if number > MAX_POINTS:
             raise InputError(
-                f"{self.path}: has {number} points; at most {MAX_POINTS} are read:"
-                " give one outline, a point every millimetre or so"
+                f"{self.path}: has {number} points, more than {MAX_POINTS}; give one outline"
+                " with a point about every millimetre"
             )
 
     def _check_repeats(self) -> None:
@@ -125,7 +99,7 @@ class Drawn:
             nearest = int(np.argmin(np.linalg.norm(self.points - crossing, axis=1)))
             raise InputError(
                 f"{self.path}, {self.places[nearest]}: the outline crosses or touches itself near"
-                f" {xy(crossing)}; give its points in order, once round"
+                f" {xy(crossing)}; list its points in order, once around"
             )
 
     def _check_turns(self) -> None:
@@ -137,8 +111,8 @@ class Drawn:
         if turn[sharpest] > MAX_TURN + 1e-6:  # twelve points on a circle turn by 30 degrees
             raise InputError(
                 f"{self.path}, {self.places[sharpest]}: the outline turns by"
-                f" {turn[sharpest]:.0f} degrees at {xy(self.points[sharpest])}; up to"
-                f" {MAX_TURN:g} can be followed smoothly: round the corner off, or give more points"
+                f" {turn[sharpest]:.0f} degrees at {xy(self.points[sharpest])}; at most"
+                f" {MAX_TURN:g} are possible: round the corner off, or add points"
             )
 
 
@@ -179,9 +153,9 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str = "") -> Drawn:
     left = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     loops = _loops(path, left)
     if len(loops) != 1:
+        found = ", ".join(loop[0].place for loop in loops)
         raise InputError(
-            f"{path}: holds {len(loops)} outlines, {', '.join(loop[0].place for loop in loops)};"
-            " keep one, the inner face"
+            f"{path}: contains {len(loops)} outlines ({found}); keep the inner face only"
         )
     (loop,) = loops
     if any(piece.curved for piece in loop):
@@ -206,7 +180,7 @@ def _loops(path: Path, pieces: Sequence[Piece]) -> list[list[Piece]]:
         first, other, *_ = tree.query_ball_point(ends[np.argmax(here)], JOINT, return_sorted=True)
         raise InputError(
             f"{path}, {pieces[first // 2].place}: meets {pieces[other // 2].place} and others at"
-            f" {xy(ends[first])}; keep one outline without branches"
+            f" {xy(ends[first])}; remove the branches"
         )
     loose = np.flatnonzero(here == 1)
     if loose.size:
@@ -224,7 +198,7 @@ def _loops(path: Path, pieces: Sequence[Piece]) -> list[list[Piece]]:
         while not taken[end // 2]:
             taken[end // 2] = True
             piece = pieces[end // 2]
-            loop.append(piece.backwards() if end % 2 else piece)
+            loop.append(replace(piece, points=piece.points[::-1]) if end % 2 else piece)
             end = int(partner[end ^ 1])
         loops.append(loop)
     return loops

@@ -114,17 +114,9 @@ def mesh(
 ) -> None:
     """Mesh the current model with 6-node triangles whose mid-side nodes lie on the curves.
 
-    Parameters
-    ----------
-    surfaces
-        Region -> surface.
-    edges
-        Boundary -> edges.
-    size
-        Adds size fields when the surfaces are there; the smallest counts.
-    region_tags
-        Region -> tag of its cells; by default 1, 2, ... in the order of `surfaces`. The socket's is
-        always its own.
+    `surfaces` and `edges` are by region and boundary. `size` adds size fields when the surfaces are
+    there; the smallest counts. `region_tags` are by default 1, 2, ... in the order of `surfaces`;
+    the socket's is always its own.
     """
     gmsh.model.occ.synchronize()
     if region_tags is None:

@@ -165,18 +165,21 @@ class Limb(Strict):
                     hint = nearest(curve.of, self.curves)
                     yield f"curves.{name}.of: no curve '{curve.of}'; {hint}"
                 elif isinstance(self.curves[curve.of], OffsetCurve):
-                    yield f"curves.{name}.of: '{curve.of}' is an offset itself; name its origin"
+                    yield (
+                        f"curves.{name}.of: '{curve.of}' is itself an offset; name the curve that"
+                        " it is made from"
+                    )
         names = [region.name for region in self.regions]
         for key in ("id", "name"):
             counts = Counter(getattr(region, key) for region in self.regions)
             for value in (value for value, count in counts.items() if count > 1):
-                yield f"regions: {key} {value} is used by two regions; make each unique"
+                yield f"regions: {key} {value} is used by two regions; make it unique"
         for region in self.regions:
             place = f"regions.{region.name}"
             if region.id >= tags.SOCKET_ID:
                 yield f"{place}.id: {region.id} is reserved; choose one below {tags.SOCKET_ID}"
             if region.name == tags.SOCKET:
-                yield f"{place}.name: reserved for the socket itself; choose another"
+                yield f"{place}.name: reserved for the socket; choose another"
         owner: dict[str, str] = {}
         hole_of: dict[str, str] = {}
         for region in self.regions:
@@ -248,7 +251,7 @@ def _check_nesting(limb: Limb) -> None:
     bodies = {name: shapely.Polygon(points) for name, points in samples.items()}
     if not shapely.contains_xy(bodies[limb.contact_boundary], 0.0, 0.0):
         raise InputError(
-            f"curves.{limb.contact_boundary}: does not go round the origin, about which"
+            f"curves.{limb.contact_boundary}: does not enclose the origin, about which"
             " angles are measured; shift all curves so that it does"
         )
     trees = {name: cKDTree(points) for name, points in samples.items()}

@@ -45,16 +45,14 @@ def read_outline(path: Path | str) -> tuple[Point, ...]:
     Raises
     ------
     InputError
-        When the file cannot be read or holds no such outline; in one line: the file, the place,
+        When the file cannot be read or contains no such outline; in one line: the file, the place,
         what is allowed and what to do.
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(
-            f"{path}: {path.suffix or 'no extension'} is not an outline format; export it as one of"
-            f" {', '.join(READERS)}"
-        )
+        what = f"{path.suffix} is not an outline format" if path.suffix else "has no extension"
+        raise InputError(f"{path}: {what}; export it as one of {', '.join(READERS)}")
     drawn = reader(path)
     drawn.check()
     return tuple((float(x), float(y)) for x, y in _thinned(drawn))
@@ -74,7 +72,7 @@ def _thinned(drawn: Drawn) -> Array:
         if kept is not None:
             return points[kept]
     raise InputError(
-        f"{drawn.path}: the outline is so rough that {MANY_POINTS} points do not follow it to"
+        f"{drawn.path}: the outline is too rough: {MANY_POINTS} points do not follow it to"
         f" {TOLERANCES[-1]} mm; smooth it"
     )
 

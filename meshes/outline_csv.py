@@ -62,7 +62,7 @@ def _check_header(path: Path, number: int, cells: list[str]) -> None:
     if [match and match[1].lower() for match in found] != ["x", "y"]:
         raise InputError(
             f"{path}, line {number}: {', '.join(cell.strip() for cell in cells)!r} is neither a"
-            " point nor a header; write `x, y`, or two numbers"
+            " point nor a header; write `x, y` or two numbers"
         )
     for match in found:
         if match and match[2] not in (None, "mm"):
@@ -71,13 +71,16 @@ def _check_header(path: Path, number: int, cells: list[str]) -> None:
 
 def _point(path: Path, number: int, cells: list[str], separator: str) -> list[float]:
     if len(cells) != 2:
-        raise InputError(f"{path}, line {number}: needs two cells, x and y in mm; has {len(cells)}")
+        noun = "cell" if len(cells) == 1 else "cells"
+        raise InputError(
+            f"{path}, line {number}: has {len(cells)} {noun}; it must have two, x and y in mm"
+        )
     point = []
     for cell in cells:
         value = _length(cell, separator)
         if value is None or not abs(value) <= _LARGEST:
             raise InputError(
-                f"{path}, line {number}: {cell.strip()!r} is not a length; give a number of mm"
+                f"{path}, line {number}: {cell.strip()!r} is not a length; give a number in mm"
             )
         point.append(value)
     return point
@@ -98,7 +101,7 @@ def _check_closed(drawn: Drawn) -> None:
     sides = np.linalg.norm(np.roll(drawn.points, -1, axis=0) - drawn.points, axis=1)
     if sides[-1] > _OPENING * sides[:-1].max():
         raise InputError(
-            f"{drawn.path}: the outline is open: from {drawn.places[-1]} back to"
-            f" {drawn.places[0]} it is {sides[-1]:.1f} mm, between its points at most"
-            f" {sides[:-1].max():.1f} mm; go on to where it began"
+            f"{drawn.path}: the outline is open: its ends, {drawn.places[-1]} and"
+            f" {drawn.places[0]}, are {sides[-1]:.1f} mm apart, its points at most"
+            f" {sides[:-1].max():.1f} mm; continue it to its start"
         )

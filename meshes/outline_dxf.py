@@ -64,7 +64,8 @@ def _unit(path: Path, document: Drawing) -> tuple[float, str]:
         scale = units.conversion_factor(units.InsertUnits(number), units.InsertUnits(units.MM))
     except (TypeError, ValueError, IndexError, KeyError) as error:
         raise InputError(
-            f"{path}: $INSUNITS is {number}, no unit of length; set it to 4, millimetres"
+            f"{path}: $INSUNITS is {number}, which is not a unit of length; set it to 4"
+            " (millimetres)"
         ) from error
     return scale, f"its $INSUNITS says {name}"
 
@@ -74,8 +75,8 @@ def _piece(path: Path, entity: DXFEntity, scale: float, unit: str) -> Piece:
     place = f"{entity.dxftype()} {entity.dxf.handle}"
     if entity.dxftype() not in TYPES:
         raise InputError(
-            f"{path}, {place}: is not part of an outline; keep {', '.join(TYPES)}, explode blocks"
-            " and delete the rest"
+            f"{path}, {place}: cannot be part of an outline; keep {', '.join(TYPES)}, explode"
+            " blocks and delete the rest"
         )
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused
@@ -85,11 +86,11 @@ def _piece(path: Path, entity: DXFEntity, scale: float, unit: str) -> Piece:
     except Exception as error:  # of the library's own, on entities that contradict themselves
         raise InputError(f"{path}, {place}: cannot be read; draw it again") from error
     if len(control) < 2 or not np.isfinite(control).all():
-        raise InputError(f"{path}, {place}: is not a curve of finite size; draw it again")
+        raise InputError(f"{path}, {place}: has no finite size; draw it again")
     if np.ptp(control[:, 2]) > _FLAT:
         raise InputError(
-            f"{path}, {place}: rises by {np.ptp(control[:, 2]):.3g} mm out of its plane; project it"
-            " on the x-y plane"
+            f"{path}, {place}: extends {np.ptp(control[:, 2]):.3g} mm out of its plane; project it"
+            " onto the x-y plane"
         )
     check_extent(path, control[:, :2], (0.0, 10 * EXTENT[1]), unit)
     points = np.array([(point.x, point.y) for point in curve.flattening(_FLATNESS)])

@@ -46,7 +46,9 @@ def read_svg(path: Path) -> Drawn:
     except ElementTree.ParseError as error:
         raise InputError(f"{path}: is not an SVG drawing ({error}); export it again") from error
     if root.tag.removeprefix(_SVG) != "svg":
-        raise InputError(f"{path}: is not an SVG drawing but holds {root.tag!r}; export it again")
+        raise InputError(
+            f"{path}: is not an SVG drawing: its root is {root.tag!r}; export it again"
+        )
     scale = _unit(path, root)
     unit = f"its unit is {scale:.4g} mm by width and viewBox"
     pieces = []
@@ -81,13 +83,13 @@ def _unit(path: Path, root: ElementTree.Element) -> float:
         if not found or (found[2] or "px") not in _MM or float(found[1]) <= 0:
             what = "missing" if text is None else repr(text)
             raise InputError(
-                f"{path}: {name} is {what}; beside a viewBox give it with a unit, e.g. 150mm"
+                f"{path}: {name} is {what}; with a viewBox it needs a unit, e.g. 150mm"
             )
         scales.append(float(found[1]) * _MM[found[2] or "px"] / side)
     if max(scales) > 1.001 * min(scales):
         raise InputError(
-            f"{path}: a unit of the viewBox is {scales[0]:.4g} mm wide and {scales[1]:.4g} mm high;"
-            " give width and height the ratio of the viewBox"
+            f"{path}: a unit of the viewBox is {scales[0]:.4g} mm wide but {scales[1]:.4g} mm high;"
+            " width and height must have the ratio of the viewBox"
         )
     return scales[0]
 
@@ -115,8 +117,8 @@ def _shapes(
             yield place, element, matrix
         else:
             raise InputError(
-                f"{path}, {place}: is not part of an outline; keep {', '.join(SHAPES)}, turn other"
-                " objects into paths and delete the rest"
+                f"{path}, {place}: cannot be part of an outline; keep {', '.join(SHAPES)}, convert"
+                " other objects to paths and delete the rest"
             )
 
 
@@ -175,7 +177,7 @@ def _piece(
         points = _at(segment, _FIRST_LOOK)
     points = points * [scale, -scale]
     if not np.isfinite(points).all():
-        raise InputError(f"{path}, {place}: is not a curve of finite size; draw it again")
+        raise InputError(f"{path}, {place}: has no finite size; draw it again")
     if len(points) == 2:
         return Piece(place, points)
     check_extent(path, points, (0.0, 10 * EXTENT[1]), unit)

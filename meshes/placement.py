@@ -19,49 +19,26 @@ CURVE_STEP = 0.1
 
 @dataclass(frozen=True)
 class Placement:
-    """A socket on a limb, both undeformed.
+    """A socket on a limb, both undeformed; an overlap is negative where the skin is clear of it."""
 
-    Attributes
-    ----------
-    area_reduction : float
-        Area within the inner face over that of the limb, 1 minus that.
-    perimeter_reduction : float
-        The same of the perimeters.
-    touching : float
-        Share of the skin that lies outside the inner face and will be pressed.
-    smallest_overlap, mean_overlap, largest_overlap : float
-        How deep the skin lies in the socket, mm; negative where it is clear of it.
-    smallest_angle, largest_angle : float
-        Polar angles of the smallest and the largest overlap, degrees.
-    squeezed : float
-        Greatest depth as a share of the soft tissue, from the skin to the nearest bone.
-    """
-
-    area_reduction: float
-    perimeter_reduction: float
-    touching: float
-    smallest_overlap: float
+    area_reduction: float  #: area within the inner face over that of the limb, 1 minus that
+    perimeter_reduction: float  #: the same of the perimeters
+    touching: float  #: share of the skin that lies outside the inner face and will be pressed
+    smallest_overlap: float  #: how deep the skin lies in the socket, mm
     mean_overlap: float
     largest_overlap: float
-    smallest_angle: float
+    smallest_angle: float  #: polar angle of the smallest overlap, degrees
     largest_angle: float
-    squeezed: float
+    squeezed: float  #: greatest depth as a share of the tissue from the skin to the nearest bone
 
 
 def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
     """Measure how a socket sits on a limb, and refuse what cannot be solved.
 
-    Parameters
-    ----------
-    socket, limb
-        Both undeformed.
-    name
-        The socket's, for errors.
-
     Raises
     ------
     InputError
-        In one line, naming the socket and where: a face that crosses itself, a wall that folds
+        In one line, with `name` in front and where: a face that crosses itself, a wall that folds
         over, a socket beside the limb, one that does not press on it, or one whose
         inner face reaches into bone.
 
@@ -83,24 +60,25 @@ def _placement(socket: Socket, limb: Limb) -> Placement:
     if not shapely.Polygon(face).intersects(shapely.Polygon(points)):
         distance = shapely.LinearRing(face).distance(shapely.LinearRing(points))
         raise InputError(
-            f"lies beside the limb, {distance:.1f} mm away at"
-            f" {at(face.mean(axis=0))}; its frame is the limb's, with the origin in the limb"
+            f"lies beside the limb, {distance:.1f} mm away, centred at"
+            f" {at(face.mean(axis=0))}; use the limb's frame, whose origin is inside the limb"
         )
     overlap = _distance(points, face)
     overlap[shapely.contains_xy(shapely.Polygon(face), *points.T)] *= -1
     least, most = int(np.argmin(overlap)), int(np.argmax(overlap))
     if overlap[most] <= 0:
         raise InputError(
-            f"does not press on the limb: its inner face is clear of the"
-            f" skin, at {at(points[most])} still by {-overlap[most]:.2f} mm; make it smaller"
+            f"does not press on the limb: its inner face is at least {-overlap[most]:.2f} mm away"
+            f" from the skin (closest at {at(points[most])}); make it smaller"
         )
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
         raise InputError(
             f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
-            f" {at(points[worst])}, where {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue"
-            " lie over it; make it larger or move it"
+            f" {at(points[worst])}, where the bone has"
+            f" {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue over it; make it larger or"
+            " move it"
         )
     return Placement(
         area_reduction=1 - inner.area / skin.area,

@@ -1,7 +1,6 @@
 """A flat plate with rounded edges that presses on a skin, and the fillets it is drawn with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import gmsh
 import numpy as np
@@ -31,22 +30,13 @@ class Plate(Strict):
         return self
 
 
-@dataclass(frozen=True)
-class PlateEntities:
-    """gmsh's tags of a plate: its surface, the face that presses, and the rest of its outline."""
-
-    surface: int
-    face: list[int]
-    back: list[int]
-
-
-def add_plate(plate: Plate, middle: float, face: float, side: int) -> PlateEntities:
-    """Add a plate to the current model.
+def add_plate(
+    plate: Plate, middle: float, face: float, side: int
+) -> tuple[int, list[int], list[int]]:
+    """Add a plate; return the tags of its surface, of the edges that press, and of the others.
 
     Parameters
     ----------
-    plate
-        Its dimensions.
     middle, face
         x of its middle and y of its face, mm.
     side
@@ -63,7 +53,7 @@ def add_plate(plate: Plate, middle: float, face: float, side: int) -> PlateEntit
         ]
     )
     # As `add_fillets` goes: left edge's arc, face, right edge's arc, side, back, side.
-    return PlateEntities(gmsh_model.add_region(edges), edges[:3], edges[3:])
+    return gmsh_model.add_region(edges), edges[:3], edges[3:]
 
 
 def add_fillets(corners: Sequence[Corner]) -> list[int]:

@@ -4,26 +4,13 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from calfsocket.meshes.curves import Array
 from calfsocket.meshes.triangles import TriangleMesh
-
-Array = NDArray[np.float64]
 
 
 def shape_gradients(xi: Array) -> Array:
-    """Return the gradients of the six quadratic shape functions of gmsh's triangle.
-
-    Parameters
-    ----------
-    xi
-        Points of the reference triangle (0, 0), (1, 0), (0, 1), shape (q, 2).
-
-    Returns
-    -------
-    Array
-        Derivative of function i along reference axis k, shape (q, 6, 2).
-    """
+    """Return the gradients of the six shape functions at reference points, (q, 2) -> (q, 6, 2)."""
     r, s = xi.T
     barycentric = np.stack([1 - r - s, r, s], axis=1)
     gradient = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
@@ -47,19 +34,9 @@ LATTICE = np.array([(r / 8, s / 8) for r in range(9) for s in range(9 - r)])
 
 
 def jacobians(x: Array, xi: Array) -> Array:
-    """Return dx/dxi at reference points.
+    """Return dx/dxi of curved triangles (m, 6, 2) at reference points (q, 2), mm.
 
-    Parameters
-    ----------
-    x
-        Nodes of curved triangles, mm, shape (m, 6, 2).
-    xi
-        Reference points, shape (q, 2).
-
-    Returns
-    -------
-    Array
-        Shape (m, q, 2, 2), mm; the last axis is the reference direction.
+    Of shape (m, q, 2, 2); the last axis is the reference direction.
     """
     return np.einsum("mia,qik->mqak", x, shape_gradients(xi), optimize=True)
 
@@ -117,19 +94,8 @@ def quality_table(
 ) -> pd.DataFrame:
     """Return one row a region: what it is, how large, and how good its triangles are.
 
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    tissues
-        Region -> tissue.
-    area_in_data
-        Region -> area the region should have, mm^2.
-
-    Returns
-    -------
-    pandas.DataFrame
-        `COLUMNS`; regions in the order of their tags.
+    `tissues` and `area_in_data` are by region, areas in mm^2; columns are `COLUMNS`, rows in the
+    order of the regions' tags.
     """
     x = mesh.coordinates
     cells = pd.DataFrame(

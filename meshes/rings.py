@@ -69,7 +69,8 @@ def build(
             surfaces,
             edges,
             lambda: [
-                gmsh_model.add_field("Constant", SurfacesList=own, VIn=side) for side, own in sizes
+                gmsh_model.add_field("Constant", SurfacesList=surfaces, VIn=side)
+                for side, surfaces in sizes
             ],
         )
         return gmsh_model.extract()

@@ -43,7 +43,7 @@ def build(limb: Limb, socket: Socket, size: MeshSize) -> TriangleMesh:
 
 
 def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
-    """Settle a size that is a number of triangles, by trial meshes."""
+    """Replace a size that is a number of triangles by one in mm, by trial meshes."""
 
     def count(trial: MeshSize) -> int:
         with gmsh_model.session("trial"):
@@ -60,7 +60,7 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     """
     path = Path(path)
     if path.suffix != ".msh":
-        raise InputError(f"{path}: meshes are written as gmsh files; let the name end in .msh")
+        raise InputError(f"{path}: meshes are gmsh files; use a name that ends in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
     size = final_size(limb, socket, size)
@@ -74,7 +74,7 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     inner, outer = socket.faces(limb_curves(limb)[limb.contact_boundary])
     return quality_table(
         mesh,
-        {region.name: region.tissue for region in limb.regions} | {tags.SOCKET: tags.SOCKET},
+        limb.tissues | {tags.SOCKET: tags.SOCKET},
         {region.name: region.area for region in limb.regions}
         | {tags.SOCKET: outer.area - inner.area},
     )
@@ -91,18 +91,15 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
     limb_surfaces = list(surfaces.values())
     inner_edge, outer_edge = [gmsh_model.add_loop(inner)], [gmsh_model.add_loop(outer)]
     surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
+    on_limb = sizing.limb_field(loops, limb.contact_boundary, size)
+    on_socket = sizing.socket_field(inner, outer, size)
     with tempfile.TemporaryDirectory() as folder:
         gmsh_model.mesh(
             surfaces,
             boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
             lambda: [
-                _add_size(Path(folder) / f"{number}.bin", field, own)
-                for number, (field, own) in enumerate(
-                    (
-                        (sizing.limb_field(loops, limb.contact_boundary, size), limb_surfaces),
-                        (sizing.socket_field(inner, outer, size), [surfaces[tags.SOCKET]]),
-                    )
-                )
+                _add_size(folder, on_limb, limb_surfaces),
+                _add_size(folder, on_socket, [surfaces[tags.SOCKET]]),
             ],
             limb.region_tags,
         )
@@ -117,35 +114,26 @@ def build_plated_limb(limb: Limb, plate: Plate, size: MeshSize) -> TriangleMesh:
     """Mesh a limb and a plate behind it on this process."""
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
-    lowest = minimize_scalar(
-        lambda t: skin.evaluate(t)[1], bracket=_lowest_bracket(skin), tol=1e-12
-    )
+    t = skin.sample(1.0)
+    near = int(np.argmin(skin.evaluate(t)[:, 1]))
+    bracket = t[near - 1], t[near], t[(near + 1) % len(t)]
+    lowest = minimize_scalar(lambda t: skin.evaluate(t)[1], bracket=bracket, tol=1e-12)
     x, y = skin.evaluate(lowest.x)
     with gmsh_model.session("limb on plate"), tempfile.TemporaryDirectory() as folder:
         surfaces, boundaries = _add_limb(limb, loops)
         limb_surfaces = list(surfaces.values())
-        added = add_plate(plate, x, y, side=-1)
+        surface, face, back = add_plate(plate, x, y, side=-1)
         field = sizing.limb_field(loops, limb.contact_boundary, size)
         gmsh_model.mesh(
-            surfaces | {tags.SOCKET: added.surface},
-            boundaries | {tags.SOCKET_INNER: added.face, tags.SOCKET_OUTER: added.back},
+            surfaces | {tags.SOCKET: surface},
+            boundaries | {tags.SOCKET_INNER: face, tags.SOCKET_OUTER: back},
             lambda: [
-                _add_size(Path(folder) / "size.bin", field, limb_surfaces),
-                gmsh_model.add_field(
-                    "Constant", SurfacesList=[added.surface], VIn=size.socket_outer
-                ),
+                _add_size(folder, field, limb_surfaces),
+                gmsh_model.add_field("Constant", SurfacesList=[surface], VIn=size.socket_outer),
             ],
             limb.region_tags,
         )
         return smooth(gmsh_model.extract())
-
-
-def _lowest_bracket(skin: ClosedCurve) -> tuple[float, float, float]:
-    """Return parameters on both sides of the point of a curve with the smallest y, and its own."""
-    t = skin.sample(1.0)
-    lowest = int(np.argmin(skin.evaluate(t)[:, 1]))
-    before, here, behind = t[lowest - 1], t[lowest], t[(lowest + 1) % len(t)]
-    return before, here, behind
 
 
 def _add_limb(
@@ -163,11 +151,12 @@ def _add_limb(
     }
 
 
-def _add_size(path: Path, size: SizeField, surfaces: list[int]) -> int:
+def _add_size(folder: str, size: SizeField, surfaces: list[int]) -> int:
     """Add a size field for some surfaces and their edges only, for the bodies overlap in space.
 
-    gmsh reads the file when it meshes.
+    gmsh reads its file, in the folder, when it meshes.
     """
+    path = Path(folder) / f"{surfaces[0]}.bin"
     size.write(path)
     structured = gmsh_model.add_field("Structured", FileName=str(path))
     return gmsh_model.add_field("Restrict", InField=structured, SurfacesList=surfaces)

@@ -118,18 +118,10 @@ def named_size(name: str) -> MeshSize:
 
 @dataclass(frozen=True)
 class SizeField:
-    """Element size on a regular grid.
+    """Element size on a regular grid, mm."""
 
-    Parameters
-    ----------
-    origin
-        Lower left corner, mm, shape (2,).
-    values
-        Size in mm at origin + GRID_STEP * (i, j), shape (n_x, n_y).
-    """
-
-    origin: Array
-    values: Array
+    origin: Array  #: lower left corner, (2,)
+    values: Array  #: at origin + GRID_STEP * (i, j), (n_x, n_y)
 
     def write(self, path: Path) -> None:
         """Write the binary file that gmsh's field `Structured` reads: a grid one layer thick."""

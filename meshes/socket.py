@@ -78,7 +78,7 @@ class Socket(Strict):
     modulus: Modulus | None = None
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
 
-    _remedy: ClassVar[str]
+    _remedy: ClassVar[str] = "use smaller or wider bumps"  # where a face crosses itself
 
     @staticmethod
     def reference(name: str) -> "AnySocket":
@@ -188,8 +188,6 @@ class NormalOffset(Socket):
     base: Offset
     bumps: tuple[Bump, ...] = ()
 
-    _remedy: ClassVar[str] = "use smaller or wider bumps"
-
     def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
         """Return the skin moved inward."""
         return curves.offset(
@@ -222,8 +220,6 @@ class CircleBlend(Socket):
     roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
     bumps: tuple[Bump, ...] = ()
 
-    _remedy: ClassVar[str] = "use smaller or wider bumps"
-
     def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
         """Return the blend."""
 
@@ -248,8 +244,8 @@ class CircleBlend(Socket):
         excess = ss - (1 - self.area_reduction) * skin.area
         if bs**2 < bb * excess:
             raise InputError(
-                f"no circle blend with these bumps has an area reduced by {self.area_reduction:g};"
-                " use smaller bumps"
+                "with these bumps no circle blend reduces the area by"
+                f" {100 * self.area_reduction:g} %; use smaller bumps"
             )
         k = (bs + np.sqrt(bs**2 - bb * excess)) / bb
 
@@ -300,16 +296,16 @@ def _check_face(face: ClosedCurve, what: str, remedy: str) -> None:
 
 
 def _check_wall(inner: ClosedCurve, thickness: float) -> None:
-    """Refuse a wall that folds over: where the face is hollow with a smaller radius."""
+    """Refuse a wall that folds over: where the face is concave with a smaller radius."""
     t = inner.sample(inner.perimeter / curves.CROSSING_POINTS)
     # 1/mm, negative where the wall's material is squeezed together towards the outside.
     curvature = inner.curvature(t)
     worst = int(np.argmin(curvature))
     if 1 + thickness * curvature[worst] <= 0:
         raise InputError(
-            f"a wall of {thickness:g} mm folds over: the inner face is hollow with a radius of"
-            f" {-1 / curvature[worst]:.2g} mm at {at(inner.evaluate(t[worst]))}; make the wall"
-            " thinner or the hollow wider"
+            f"a wall of {thickness:g} mm folds over where the inner face is concave with a radius"
+            f" of {-1 / curvature[worst]:.2g} mm, at {at(inner.evaluate(t[worst]))}; make the wall"
+            " thinner or the concavity wider"
         )
 
 
@@ -370,13 +366,14 @@ def resolved(
     Raises
     ------
     InputError
-        When the table is none of the three, or changes what the socket it is like has not.
+        When the table is none of the three, or has a key that the socket it is like does not have.
     """
     ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
+        *some, last = map(repr, reference)
         raise InputError(
-            "is not a socket; give one of law = 'normal_offset' or 'circle_blend', outline = a "
-            f"file, like = {', '.join(reference)}"
+            "is not a socket; give exactly one of law = 'normal_offset' or 'circle_blend', "
+            f"outline = 'FILE', like = {', '.join(some)} or {last}"
         )
     if ways == ["law"]:
         return table
@@ -391,19 +388,9 @@ def resolved(
     fields = {name for kind in _KINDS.values() for name in kind.model_fields}
     for key in changed:
         if key in fields - set(type(like).model_fields):
-            raise InputError(f"{source} is a socket of the law {like.law}, which has no {key}")
-    return _as_table(like) | changed
-
-
-def _as_table(socket: AnySocket) -> dict[str, Any]:
-    """Write a socket as a table has it, its quantities with units."""
-    table = {}
-    for name, field in type(socket).model_fields.items():
-        value = getattr(socket, name)
-        written = next((each for each in field.metadata if isinstance(each, Written)), None)
-        if value is not None:
-            table[name] = written.text(value) if written else value
-    return table
+            raise InputError(f"{source} is a {like.law} socket, which has no key '{key}'")
+    units = {SHARE.internal: "%"}
+    return like.model_dump(mode="json", exclude_none=True, context={"units": units}) | changed
 
 
 class _Table:
@@ -427,7 +414,12 @@ class _Table:
             (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
         )
         shared = {"type": "object", "additionalProperties": False}
-        return {"anyOf": [{**shared, "properties": own, "required": keys} for own, keys in tables]}
+        return {
+            "anyOf": [
+                {**shared, "properties": properties, "required": keys}
+                for properties, keys in tables
+            ]
+        }
 
 
 SocketTable = Annotated[AnySocket, _Table()]

@@ -8,31 +8,18 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """Six-node triangles in the plane, with named regions and boundaries.
+    """Six-node triangles in the plane, in gmsh's order, with named regions and boundaries.
 
-    Parameters
-    ----------
-    points
-        Nodes, shape (n, 2), mm, in gmsh's order.
-    cells
-        Node indices, shape (m, 6), in gmsh's order: three corners, counter-clockwise, then the
-        nodes between corners 0-1, 1-2 and 2-0.
-    cell_tags
-        Region of each cell, shape (m,).
-    facets
-        Node indices of the tagged edges, shape (k, 3): two ends, then the node between them.
-    facet_tags
-        Boundary of each of these edges, shape (k,).
-    regions, boundaries
-        Name -> tag.
+    A triangle has three corners, counter-clockwise, then the nodes between corners 0-1, 1-2 and
+    2-0; a facet two ends, then the node between them.
     """
 
-    points: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    cell_tags: NDArray[np.int32]
-    facets: NDArray[np.int64]
-    facet_tags: NDArray[np.int32]
-    regions: dict[str, int]
+    points: NDArray[np.float64]  #: (n, 2), mm
+    cells: NDArray[np.int64]  #: nodes of the triangles, (m, 6)
+    cell_tags: NDArray[np.int32]  #: region of each, (m,)
+    facets: NDArray[np.int64]  #: nodes of the tagged edges, (k, 3)
+    facet_tags: NDArray[np.int32]  #: boundary of each, (k,)
+    regions: dict[str, int]  #: name -> tag
     boundaries: dict[str, int]
 
     @property

@@ -8,8 +8,19 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from calfsocket.meshes.quality import NODES, Array, determinant, jacobians
+from calfsocket.meshes.curves import Array
+from calfsocket.meshes.quality import NODES, areas, determinant, jacobians
 from calfsocket.meshes.triangles import TriangleMesh
+
+
+def area(mesh: TriangleMesh, region: str) -> float:
+    """Area of a region, mm^2."""
+    return areas(mesh.coordinates)[mesh.cell_tags == mesh.regions[region]].sum()
+
+
+def facets(mesh: TriangleMesh, boundary: str) -> NDArray[np.int64]:
+    """Nodes of the facets of a boundary, (k, 3)."""
+    return mesh.facets[mesh.facet_tags == mesh.boundaries[boundary]]
 
 
 def jacobian_bounds(x: Array) -> tuple[Array, Array]:
@@ -50,9 +61,9 @@ class ElementLayers:
 def layers_across(mesh: TriangleMesh, region: str) -> ElementLayers:
     """Count the element layers between the curves that bound a region."""
     tag = mesh.regions[region]
-    own = mesh.cells[mesh.cell_tags == tag]
-    middles, first, uses = np.unique(own[:, 3:], return_index=True, return_counts=True)
-    sides = own[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)[first]
+    cells = mesh.cells[mesh.cell_tags == tag]
+    middles, first, uses = np.unique(cells[:, 3:], return_index=True, return_counts=True)
+    sides = cells[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)[first]
     nodes, ends = np.unique(sides, return_inverse=True)
     ends = ends.reshape(-1, 2)
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(len(nodes), len(nodes))).tocsr()

@@ -9,7 +9,7 @@ writes docs/reliability.md from the tables of the modules in `SUBJECTS`. Each ha
 
 and, where a trial ends in one line to the user, `said(trial, folder)`, which makes the trial in an
 empty folder and returns that line without the path of the folder. Where it does not, `Trial.gives`
-tells in words what the test checks.
+says in words what the test checks.
 """
 
 import importlib

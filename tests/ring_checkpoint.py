@@ -1,4 +1,4 @@
-"""Go on with the ring: `python3 ring_checkpoint.py CONTROL FROM LAST` prints how far off LAST."""
+"""Continue the ring: `python3 ring_checkpoint.py CONTROL FROM LAST` prints how far off LAST."""
 
 import json
 import sys

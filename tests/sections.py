@@ -59,7 +59,6 @@ def section(
         stress=stress(at) if stress else np.zeros((n, 3, 4)),
         deformation_gradient=np.eye(2) + du @ np.linalg.inv(dx),
         pressure=pressure(at) if pressure else np.zeros((n, 3)),
-        gauss_points=GAUSS_POINTS,
     )
 
 

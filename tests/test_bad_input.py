@@ -17,7 +17,7 @@ from calfsocket.study.study import Study
 from reliability import Trial
 
 TITLE = "Study files"
-INTRO = "`check`, `run` and `show` say the same of a study file that cannot be used."
+INTRO = "`check`, `run` and `show` give the same message for a study file that cannot be used."
 
 GOOD = """
 [study]
@@ -44,18 +44,18 @@ Make = Callable[[Path], Sequence[str]]
 
 
 def edited(old: str, new: str) -> str:
-    """Give the good file with one thing changed."""
+    """Return the good file with one thing changed."""
     assert GOOD.count(old) == 1
     return GOOD.replace(old, new)
 
 
 def socket(text: str) -> str:
-    """Give a file with one socket of one's own."""
+    """Return a file with one custom socket."""
     return f'[study]\nsockets = ["mine"]\nmaterials = ["separate"]\n[sockets.mine]\n{text}\n'
 
 
 def fat(text: str) -> str:
-    """Give the good file with another law of fat."""
+    """Return the good file with another law of fat."""
     return edited('{ law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }', text)
 
 
@@ -94,7 +94,7 @@ def a_material_with_a_wrong_unit(folder: Path) -> Sequence[str]:
     return written(folder, fat('{ file = "fat.toml" }'))
 
 
-def an_outline_that_is_no_drawing(folder: Path) -> Sequence[str]:
+def an_outline_that_is_not_a_drawing(folder: Path) -> Sequence[str]:
     (folder / "inner.pdf").write_text("%PDF")
     return written(folder, socket('outline = "inner.pdf"'))
 
@@ -142,11 +142,11 @@ def a_new_file_over_an_old_one(folder: Path) -> Sequence[str]:
     return ["new", str(folder / "study.toml")]
 
 
-def a_new_file_with_another_ending(folder: Path) -> Sequence[str]:
+def a_new_file_with_another_extension(folder: Path) -> Sequence[str]:
     return ["new", str(folder / "study.txt")]
 
 
-def a_picture_with_another_ending(folder: Path) -> Sequence[str]:
+def a_picture_with_another_extension(folder: Path) -> Sequence[str]:
     written(folder, TWO_LISTS)
     return ["show", str(folder / "study.toml"), "--out", str(folder / "study.pdf")]
 
@@ -155,15 +155,15 @@ TRIALS = (
     # The file as a whole
     Trial("no such file", lambda folder: ["check", str(folder / "no.toml")],
           ("no.toml", "No such")),
-    Trial("a folder", a_folder, ("is no file",)),
-    Trial("a pipe that nobody writes to", a_pipe, ("study.toml", "is no file")),
-    Trial("a device without an end", a_device, ("/dev/zero", "is no file")),
-    Trial("a file of 1 GB", a_huge_file, ("MB; at most",)),
+    Trial("a folder", a_folder, ("is not a regular file",)),
+    Trial("a pipe that nobody writes to", a_pipe, ("study.toml", "is not a regular file")),
+    Trial("a device without an end", a_device, ("/dev/zero", "is not a regular file")),
+    Trial("a file of 1 GB", a_huge_file, ("is 1000 MB; files up to",)),
     Trial("an empty file", "", ("is empty", "`new`")),
     Trial("a binary file", bytes(range(256)), ("UTF-8",)),
-    Trial("text that is no TOML", "sockets: [TC]", ("study.toml: Expected", "line 1")),
+    Trial("text that is not TOML", "sockets: [TC]", ("study.toml: Expected", "line 1")),
     Trial("a key twice", TWO_LISTS + "sockets = []\n", ("study.toml: Cannot overwrite", "line 4")),
-    Trial("tables nested 10 000 deep", "a = " + "[" * 10000, ("nested too deeply",)),
+    Trial("tables nested 10 000 deep", "a = " + "[" * 10000, ("levels of nesting",)),
     Trial("a number of 10 000 digits", "a = " + "9" * 10000, ("4300 digits",)),
     # Keys
     Trial("an unknown table", GOOD + "[modle]\n", ("unknown key 'modle'", "'model'")),
@@ -208,7 +208,7 @@ TRIALS = (
     Trial(
         "a case that changes what does not exist",
         '[[cases]]\nsocket = "HS"\nmaterials = "separate"\nset.modell.friction = 1\n',
-        ("cases.0: modell.friction: no such parameter", "'model'"),
+        ("cases.0: modell.friction: unknown parameter", "'model'"),
     ),
     Trial(
         "a case that changes an unknown key",
@@ -220,14 +220,14 @@ TRIALS = (
     Trial("a name with markup", edited("[sockets.mine]", '[sockets."<b>"]'), ("<b>", "letters")),
     Trial("a name that is a formula", edited("[sockets.mine]", '[sockets."=1+1"]'), ("'=1+1'",)),
     Trial("a name of 41 letters", edited("[sockets.mine]", f"[sockets.{'a' * 41}]"),
-          ("at most 40",)),
+          ("up to 40",)),
     Trial(
-        "a socket called as a reference socket",
+        "a socket named like a reference socket",
         edited("[sockets.mine]", "[sockets.HS]"),
-        ("sockets: 'HS' is a socket of the reference data", "like = 'HS'"),
+        ("sockets: 'HS' is a reference socket", "like = 'HS'"),
     ),
     Trial(
-        "a set called as one of the paper",
+        "a set named like one of the paper",
         edited("[materials.soft]", "[materials.combined]"),
         ("materials: 'combined' is a set of the paper",),
     ),
@@ -237,7 +237,7 @@ TRIALS = (
     # Numbers and units
     Trial("a negative friction", edited("[model]", "[model]\nfriction = -0.1"),
           ("friction: is -0.1",)),
-    Trial("a friction that is no number", edited("[model]", "[model]\nfriction = nan"),
+    Trial("a friction that is not a number", edited("[model]", "[model]\nfriction = nan"),
           ("finite",)),
     Trial("an infinite friction", edited("[model]", "[model]\nfriction = inf"), ("finite",)),
     Trial("a friction as text", edited("[model]", '[model]\nfriction = "0.4"'),
@@ -248,13 +248,13 @@ TRIALS = (
     Trial("an unknown support", edited("[model]", '[model]\nsocket_support = "glued"'),
           ("model.socket_support: is 'glued'", "floating")),
     Trial("a wall without a unit", socket('like = "TC"\nwall_thickness = 4.5'),
-          ("sockets.mine.wall_thickness: 4.5 is no number with a unit", "mm")),
+          ("sockets.mine.wall_thickness: 4.5 is not a number with a unit", "mm")),
     Trial("a wall in kPa", socket('like = "TC"\nwall_thickness = "4.5 kPa"'),
           ("sockets.mine.wall_thickness: unit 'kPa'", "mm, cm, m")),
     Trial("a wall of -1 mm", socket('like = "TC"\nwall_thickness = "-1 mm"'),
           ("sockets.mine.wall_thickness", "greater than 0")),
     Trial("a wall of nan mm", socket('like = "TC"\nwall_thickness = "nan mm"'),
-          ("sockets.mine.wall_thickness: 'nan mm' is no number with a unit",)),
+          ("sockets.mine.wall_thickness: 'nan mm' is not a number with a unit",)),
     Trial("a modulus in mPa", socket('like = "TC"\nmodulus = "459 mPa"'),
           ("sockets.mine.modulus: unit 'mPa'", "MPa")),
     Trial("a negative modulus of a wall", socket('like = "TC"\nmodulus = "-1 GPa"'),
@@ -268,7 +268,7 @@ TRIALS = (
     Trial("a socket like an unknown one", socket('like = "PTB"'),
           ("sockets.mine: like: no socket 'PTB'", "TSB")),
     Trial("a base for a circle blend", socket('like = "HS"\nbase = "1 mm"'),
-          ("sockets.mine: HS", "circle_blend", "no base")),
+          ("sockets.mine: HS", "circle_blend", "no key 'base'")),
     Trial("an area reduced by 100 %", socket('like = "HS"\narea_reduction = "100 %"'),
           ("sockets.mine.area_reduction", "less than 1")),
     Trial("an area reduced by a length", socket('like = "HS"\narea_reduction = "1 mm"'),
@@ -277,7 +277,7 @@ TRIALS = (
         'law = "normal_offset"\nbase = "1 mm"\nbumps = [{ center = "0 deg", amplitude = "1 mm" }]'),
           ("sockets.mine.bumps.0.width: is missing",)),
     Trial("an outline that is not there", socket('outline = "no.csv"'), ("no.csv", "No such")),
-    Trial("an outline as PDF", an_outline_that_is_no_drawing, ("inner.pdf", ".csv")),
+    Trial("an outline as PDF", an_outline_that_is_not_a_drawing, ("inner.pdf", ".csv")),
     Trial("a socket larger than the limb", socket('law = "normal_offset"\nbase = "-2 mm"'),
           ("sockets.mine", "does not press on the limb")),
     # Materials
@@ -285,14 +285,14 @@ TRIALS = (
           ("materials.soft.fad", "'fat'")),
     Trial("a law of an unknown name", fat('{ law = "hooke" }'),
           ("materials.soft.fat: law is 'hooke'", "hencky")),
-    Trial("a law as a number", fat("3"), ("materials.soft.fat: is no law", "hencky")),
+    Trial("a law as a number", fat("3"), ("materials.soft.fat: is not a law", "hencky")),
     Trial("a law that lacks a parameter", fat('{ law = "hencky", nu = 0.3 }'),
           ("materials.soft.fat.e: is missing",)),
     Trial("neither d1 nor nu", fat('{ law = "ogden", mu = ["1 kPa"], alpha = [2] }'),
           ("materials.soft.fat: give either d1 or nu",)),
     Trial("more mu than alpha",
           fat('{ law = "ogden", mu = ["1 kPa", "2 kPa"], alpha = [2], nu = 0.4 }'),
-          ("materials.soft.fat", "2 mu and 1 alpha")),
+          ("materials.soft.fat", "mu has length 2, alpha 1")),
     Trial("a negative modulus", fat('{ law = "hencky", e = "-1 kPa", nu = 0.3 }'),
           ("materials.soft.fat.e: is '-1 kPa'", "greater than 0")),
     Trial("Poisson's ratio 0.51", fat('{ law = "hencky", e = "1 kPa", nu = 0.51 }'),
@@ -300,7 +300,7 @@ TRIALS = (
     Trial("a Yeoh law that softens to nothing",
           fat('{ law = "yeoh", c10 = "1 kPa", c30 = "-1 kPa" }'),
           ("materials.soft.fat", "C30 >= 0")),
-    Trial("a limb that cannot give way", edited(
+    Trial("a limb that cannot lose area", edited(
         'fat = { law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }', INCOMPRESSIBLE),
           ("materials.soft", "incompressible", "nu < 0.5")),
     Trial("muscle apart in a combined set", edited("[materials.soft]\nfat",
@@ -309,7 +309,7 @@ TRIALS = (
           TWO_LISTS + '[laws]\ncombined = { law = "hencky", e = "1 kPa", nu = 0.4 }\n',
           ("laws.combined: no tissue or region 'combined'", "muscle")),
     Trial("a material file that is not there", fat('{ file = "no.toml" }'), ("no.toml", "No such")),
-    Trial("a pipe as material file", a_pipe_for_a_material, ("fat.toml", "is no file")),
+    Trial("a pipe as material file", a_pipe_for_a_material, ("fat.toml", "is not a regular file")),
     Trial("a binary material file", a_binary_material, ("fat.toml", "UTF-8")),
     Trial("a material file with a wrong unit", a_material_with_a_wrong_unit, ("fat.toml", "kilo")),
     # Thresholds, steps, sweep
@@ -336,35 +336,36 @@ TRIALS = (
           ("sweep", "unknown key 'fricton'", "'friction'")),
     Trial("a sweep over another socket's wall",
           GOOD + '[sweep.grid]\nsockets.min.base = ["1 mm"]\n',
-          ("sweep: sockets.min.base: the file defines no 'min'", "'mine'")),
-    Trial("a sweep that reaches no case", TWO_LISTS + '[sockets.mine]\nlike = "TC"\n[sweep.grid]\n'
-          'sockets.mine.base = ["1 mm"]\n', ("sweep: sockets.mine.base reaches no case",)),
+          ("sweep: sockets.min.base: the file does not define 'min'", "'mine'")),
+    Trial("a sweep that affects no case", TWO_LISTS + '[sockets.mine]\nlike = "TC"\n[sweep.grid]\n'
+          'sockets.mine.base = ["1 mm"]\n', ("sweep: sockets.mine.base affects no case",)),
     Trial("a sweep over a title", GOOD + '[sweep.grid]\nstudy.title = ["a"]\n',
-          ("sweep: study.title: no such parameter", "model")),
+          ("sweep: study.title: unknown parameter", "model")),
     Trial("a sweep to a bad value", GOOD + "[sweep.list]\nmodel.friction = [0.2, -1]\n",
           ("sweep: with model.friction = -1", "greater than or equal to 0")),
     Trial("a sweep with lists of two lengths",
           GOOD + "[sweep.list]\nmodel.friction = [0.2, 0.4]\nmodel.gamma = [1.0]\n",
-          ("sweep.list", "model.gamma has 1 values", "a grid")),
+          ("sweep.list", "model.gamma has length 1", "sweep.grid")),
     Trial("a sweep of a million points",
           GOOD + f"[sweep.grid]\nmodel.friction = {[i / 1000 for i in range(1000)]}\n"
           f"model.gamma = {[1 + i / 1000 for i in range(1000)]}\n",
-          ("sweep.grid: has more than 1000 points",)),
+          ("sweep.grid: more than 1000 points",)),
     # Other commands
     Trial("half of a run.json", a_broken_run, ("run.json: is not JSON",)),
     Trial("another file called run.json", another_json,
           ("run.json: is not the run.json of a study",)),
     Trial("a run.json whose cases were changed", a_run_of_changed_cases,
-          ("HX_separate", "changed")),
+          ("HX_separate", "edited")),
     Trial("a run.json that lets PETSc write a file", a_run_whose_petsc_writes,
           ("petsc_options.calfsocket_ksp_view_mat: is 'binary:/etc/x'", "command line")),
     Trial("results where no folder can be made", a_folder_that_cannot_be_made,
           ("/proc/calfsocket",)),
     Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,
           ("--out", "results")),
-    Trial("an example over a study", a_new_file_over_an_old_one, ("exists; name another file",)),
-    Trial("an example that is no TOML file", a_new_file_with_another_ending, (".toml",)),
-    Trial("a picture that is no PNG", a_picture_with_another_ending, ("study.pdf", ".png")),
+    Trial("an example over a study", a_new_file_over_an_old_one,
+          ("already exists; choose another name",)),
+    Trial("an example that is not a TOML file", a_new_file_with_another_extension, (".toml",)),
+    Trial("a picture that is not a PNG", a_picture_with_another_extension, ("study.pdf", ".png")),
 )  # fmt: skip
 
 
@@ -433,7 +434,7 @@ def test_every_command_says_the_same(command, tmp_path, monkeypatch):
 
 
 def test_the_good_file_is_good(tmp_path, capsys):
-    """Or else the trials would tell nothing."""
+    """Or else the trials would show nothing."""
     assert cli.main(written(tmp_path, GOOD)) == 0
     assert "4 cases" in capsys.readouterr().out
 

@@ -24,7 +24,7 @@ def test_a_process_is_timed_and_its_first_iteration_is_the_studys():
     assert memory > 1
 
 
-def test_a_process_that_fails_is_told_with_its_words():
+def test_a_process_that_fails_is_reported_with_its_output():
     with pytest.raises(RuntimeError, match="exit code 3\nwhy"):
         measure.process([sys.executable, "-c", "import sys; sys.stderr.write('why'); sys.exit(3)"])
 
@@ -41,10 +41,7 @@ def test_exponents_are_those_of_the_costs(monkeypatch):
             columns=["level", "what", "seconds"],
         )
         case = {
-            "cells": n,
-            "unknowns": 9 * n,
-            "newton_iterations": 10,
-            "failed_steps": 0,
+            "checks": {"cells": n, "unknowns": 9 * n, "newton_iterations": 10, "failed_steps": 0},
             "seconds": {"mesh": 1e-4 * n, "solve": 10 * (1e-6 * (n**1.5 + n**1.1) + 1e-5 * n)},
         }
         return measure.Measured(1.0, 0.5, 0.1 * n**1.2, {"cases": {"one": case}}, profile)
@@ -77,7 +74,7 @@ def test_tables_show_measured_and_bar():
             }
         )
     )
-    times = {"help_s": 0.1, "first_iteration_cold_s": 20.0, "first_iteration_warm_s": 5.0}
+    times = {"help_s": 0.1, "first_iteration_cold_s": 20.0, "first_iteration_cached_s": 5.0}
     shown.print(start.table({"size": "paper", "compiled": 16, "compiled_again": 0, **times}))
     text = shown.export_text()
     assert "0.54" in text and "0.55" in text and "16 / 0" in text and "20.00" in text

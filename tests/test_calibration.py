@@ -252,8 +252,8 @@ def test_calibration_from_start_to_files(tmp_path):
     ("words", "says"),
     [
         (["--compound", "none.json"], ["none.json", "cannot be read"]),
-        (["--points", "2"], ["--points", "2", "3 or more"]),
-        (["--points", "3", "--free-d"], ["--points", "4 or more"]),
+        (["--points", "2"], ["--points", "2", "at least 3"]),
+        (["--points", "3", "--free-d"], ["--points", "at least 4"]),
         (["--stroke", "-1"], ["--stroke", "-1", "above 0"]),
         (["--stroke", "nan"], ["--stroke", "nan"]),
         (["--start", "5"], ["--start", "'5'", "mu in kPa and alpha"]),

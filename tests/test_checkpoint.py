@@ -1,4 +1,4 @@
-"""A run that is broken off after a step goes on as if it had never stopped."""
+"""A run that is interrupted after a step continues as if it had never stopped."""
 
 import json
 import random
@@ -24,7 +24,7 @@ PROGRAM = Path(__file__).with_name("ring_checkpoint.py")
 
 
 def solve(control, path=None, start_from=None):
-    """Solve the ring, or go on with it; leave a checkpoint a step in a folder."""
+    """Solve the ring, or continue it; leave a checkpoint a step in a folder."""
     model = ring_model(MPI.COMM_SELF, h=6.0)
 
     def save(milestone: Milestone) -> None:
@@ -97,7 +97,7 @@ def test_a_step_that_failed_fails_again(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_it_may_go_on_with_other_ranks(ranks, unbroken, mpirun):
+def test_it_may_continue_with_other_ranks(ranks, unbroken, mpirun):
     control, whole, folder = unbroken
     last = folder / f"{len(whole.steps)}.npz"
     state = json.loads(mpirun(ranks, [PROGRAM, control, folder / "1.npz", last], timeout=120))

@@ -41,14 +41,14 @@ def test_help_teaches_and_waits_for_no_heavy_package(tmp_path):
         text=True,
         check=True,
     )
-    *told, loaded = run.stdout.splitlines()
+    *printed, loaded = run.stdout.splitlines()
     for word in ("--size", "--sockets", "--socket-support", "summary.csv", "mpirun", "mesh"):
-        assert word in "\n".join(told)
+        assert word in "\n".join(printed)
     assert loaded == "set()"
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_is_listed_and_has_a_help_of_its_own(name, capsys):
+def test_every_command_is_listed_and_has_help(name, capsys):
     with pytest.raises(SystemExit) as end:
         cli.main(["--help"])
     assert end.value.code == 0
@@ -56,29 +56,29 @@ def test_every_command_is_listed_and_has_a_help_of_its_own(name, capsys):
     with pytest.raises(SystemExit) as end:
         cli.main([name, "--help"])
     assert end.value.code == 0
-    told = capsys.readouterr().out
-    assert told.startswith(f"usage: python3 -m calfsocket {name} ")
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"usage: python3 -m calfsocket {name} ")
     # argparse breaks lines anew.
-    assert " ".join(cli.COMMANDS[name].description.split()) in " ".join(told.split())
+    assert " ".join(cli.COMMANDS[name].description.split()) in " ".join(printed.split())
 
 
 def test_calibration_goes_where_the_report_looks_for_it(capsys):
     with pytest.raises(SystemExit):
         cli.main(["calibrate", "--help"])
-    told = " ".join(capsys.readouterr().out.split())
-    assert "--out DIR default: results/calibration," in told
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "--out DIR default: results/calibration," in printed
 
 
 @pytest.mark.parametrize("command", [[], ["calibrate"]])
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--friction", "-0.1"], "--friction: -0.1; give a number of 0 or more"),
-        (["--friction", "inf"], "--friction: inf; give a number of 0 or more"),
-        (["--friction", "nan"], "--friction: nan; give a number of 0 or more"),
-        (["--friction", "much"], "--friction: much; give a number of 0 or more"),
+        (["--friction", "-0.1"], "--friction: '-0.1' is not a number of 0 or more"),
+        (["--friction", "inf"], "--friction: 'inf' is not a number of 0 or more"),
+        (["--friction", "nan"], "--friction: 'nan' is not a number of 0 or more"),
+        (["--friction", "much"], "--friction: 'much' is not a number of 0 or more"),
         (["--size", "tiny"], "size: no mesh size 'tiny'; allowed: coarse, medium, paper"),
-        (["--material", "fascia"], "--material: is 'fascia'; write TISSUE=FILE.toml"),
+        (["--material", "fascia"], "--material: is 'fascia'; it must be TISSUE=FILE.toml"),
         (["--material", "fascia=no.toml"], "no.toml: cannot be read"),
     ],
 )
@@ -107,9 +107,9 @@ def test_what_study_and_calibration_share_is_refused_by_both(
         (["--socket-support", "glued"], ["--socket-support", "floating", "outer-fixed"]),
         (["--fascia-c10", "5"], ["--fascia-c10", "printed", "tables"]),
         (["--ranks-per-case", "0"], ["--ranks-per-case", "1 to 1"]),
-        (["--ranks-per-case", "2"], ["--ranks-per-case", "mpirun"]),
+        (["--ranks-per-case", "2"], ["--ranks-per-case", "MPI ranks"]),
         (["--out", "/proc/calfsocket"], ["--out", "/proc/calfsocket"]),
-        (["--resume", "--overwrite"], ["--resume", "--overwrite", "give one"]),
+        (["--resume", "--overwrite"], ["--resume", "--overwrite", "use one of the two"]),
         (["mesh", "--socket", "HS"], ["--out"]),
         (["mesh", "--socket", "XX", "--out", "x.msh"], ["XX", "HS"]),
         (["picture", "nowhere"], ["nowhere"]),
@@ -133,7 +133,7 @@ def test_bad_input_gets_one_line_and_exit_code_2(words, says, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("words", [[], ["--resume"]])
-def test_resume_goes_on_with_what_is_there(words, tmp_path, monkeypatch):
+def test_resume_continues_with_what_is_there(words, tmp_path, monkeypatch):
     asked = []
 
     def solve(study, *_, resume, **__):
@@ -146,7 +146,7 @@ def test_resume_goes_on_with_what_is_there(words, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("interrupt", "code"), [(KeyboardInterrupt, 130), (Terminated, 143)])
-def test_an_interrupt_is_one_line_that_says_how_to_go_on(
+def test_an_interrupt_is_one_line_that_says_how_to_continue(
     interrupt, code, tmp_path, monkeypatch, capsys
 ):
     def stop(*_, **__):
@@ -156,8 +156,8 @@ def test_an_interrupt_is_one_line_that_says_how_to_go_on(
     assert cli.main(["--out", str(tmp_path / "r")]) == code
     (line,) = capsys.readouterr().err.splitlines()
     assert line == (
-        f"calfsocket: interrupted; finished cases are complete in {tmp_path / 'r'}, and the same "
-        "command with --resume continues"
+        f"calfsocket: interrupted; the finished cases are complete in {tmp_path / 'r'}, and the "
+        "same command with --resume continues"
     )
 
 
@@ -173,7 +173,7 @@ def test_bad_input_is_said_once_under_mpirun(launch, tmp_path):
     ended = launch(2, ["-m", "calfsocket", "--size", "tiny"], timeout=120)
     assert ended.returncode == 2
     assert ended.stdout == ""
-    # mpirun adds a note of its own on the exit code.
+    # mpirun adds a note on the exit code.
     (line,) = [line for line in ended.stderr.splitlines() if "calfsocket" in line]
     assert line.startswith("calfsocket: ") and "tiny" in line
     assert "Traceback" not in ended.stderr

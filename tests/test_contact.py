@@ -252,14 +252,14 @@ def test_traction_on_the_socket_balances_that_on_the_skin():
 def test_settled_slip_gives_the_shear_back():
     """Open, stick and slip both ways; T.e by hand, gamma_t 0.5, limit 0.4 * 2."""
     parameters = Contact(friction=0.4, gamma_t=0.5)
-    pressure, own = np.array([-1.0, 2.0, 2.0, 2.0]), np.array([0.3, 0.3, 0.6, -0.6])
+    pressure, shear = np.array([-1.0, 2.0, 2.0, 2.0]), np.array([0.3, 0.3, 0.6, -0.6])
     slip = np.array([0.7, 0.2, -1.0, 1.0])
-    trial = own - 0.5 * slip
+    trial = shear - 0.5 * slip
     traction = coulomb(pressure, trial, 0.4)
     none = np.zeros(4)
     state = ContactState(None, none, none, slip, trial, traction)
     settled = nitsche.settled_slip(state, parameters)
     np.testing.assert_allclose(settled, [0.0, 0.2, -0.4, 0.4])
-    again = coulomb(pressure, own - 0.5 * settled, 0.4)
+    again = coulomb(pressure, shear - 0.5 * settled, 0.4)
     np.testing.assert_allclose(again.shear, [0.0, 0.2, 0.8, -0.8])
     np.testing.assert_allclose(again.shear, traction.shear)

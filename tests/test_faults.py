@@ -25,8 +25,8 @@ from tiny_study import Fault, tiny_study
 TITLE = "Faults while running"
 INTRO = """\
 A fault strikes the first case of a study. The others are solved; run.json and cases.csv say what
-failed and why; exit code 1. With the fault gone, `--resume` keeps what is solved, goes on from the
-last equilibrium, and ends with the same bytes as an unbroken run."""
+failed and why; exit code 1. With the fault gone, `--resume` keeps what is solved, continues from
+the last equilibrium, and ends with the same bytes as an unbroken run."""
 
 PROGRAM = Path(__file__).with_name("tiny_study.py")
 FULL = (28, "No space left on device")
@@ -101,21 +101,21 @@ TRIALS = (
     ),
     passes(
         "no space for a step while solving",
-        "said once, and the steps are written at the end",
+        "reported once, and the steps are written at the end",
         "calfsocket.study.runner:_CaseRunner._merge",
         error="OSError",
         words=FULL,
     ),
     passes(
         "no space for a checkpoint",
-        "said once; the case could not be resumed from there",
+        "reported once; the case could not be resumed from there",
         "numpy:savez",
         error="OSError",
         words=FULL,
     ),
     passes(
         "no space for run.json when a case ends",
-        "said, and written when there is space",
+        "reported, and written when there is space",
         "calfsocket.study.record:cases_table",
         call=2,
         error="OSError",
@@ -123,7 +123,7 @@ TRIALS = (
     ),
     passes(
         "an exception while the picture is drawn",
-        "said; `calfsocket picture` can draw it later",
+        "reported; `calfsocket picture` can draw it later",
         "calfsocket.plotting.case:save",
     ),
 )  # fmt: skip
@@ -194,7 +194,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
         expected = {"A", "B"} if trial.given.error == "ConvergenceError" else {"B"}
         assert set(pd.read_csv(out / "summary.csv").socket) == expected
         assert study.run(resume=True)
-        assert "B_combined: solved already" in caplog.text
+        assert "B_combined: already solved; kept" in caplog.text
     else:
         assert caplog.text.count(trial.given.words[-1]) == 1
     assert same_results(out, unbroken)
@@ -252,7 +252,10 @@ def test_results_that_are_not_whole_are_made_anew(file, damage, unbroken, tmp_pa
         assert "steps.csv" in entries(out)["A_combined"]["message"]
         return
     assert study.run(resume=True)
-    assert f"A_combined: solved again, missing or changed since: {file}" in caplog.text
+    assert (
+        f"A_combined: solved again, because files are missing or have changed: {file}"
+        in caplog.text
+    )
     assert same_results(out, unbroken)
 
 
@@ -269,8 +272,8 @@ def test_nothing_to_do_changes_nothing(unbroken, tmp_path):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda run: run["versions"].update(petsc="3.0"), "made with other versions"),
-        (lambda run: run.update(petsc_options={"x": "1"}), "made with other petsc_options"),
+        (lambda run: run["versions"].update(petsc="3.0"), "was made with other versions"),
+        (lambda run: run.update(petsc_options={"x": "1"}), "was made with other petsc_options"),
         (lambda run: run.pop("cases"), "cases: is missing"),
     ],
 )

@@ -102,10 +102,10 @@ SEVERAL = st.lists(VALUES | st.floats(0.01, 0.9), min_size=1, max_size=2)
 @given(
     grid=st.dictionaries(REAL_NAMES, SEVERAL, min_size=1, max_size=2)
     | st.dictionaries(NAMES, SEVERAL | VALUES, max_size=2),
-    own=st.dictionaries(NAMES, VALUES, max_size=1),
+    custom=st.dictionaries(NAMES, VALUES, max_size=1),
 )
-def test_any_change_is_planned_or_refused(grid, own, paper, tmp_path):
+def test_any_change_is_planned_or_refused(grid, custom, paper, tmp_path):
     content = tomllib.loads(GOOD) | {"sweep": {"grid": grid}}
     content["study"] = {}
-    content["cases"] = [{"socket": "mine", "materials": "soft", "set": own}]
+    content["cases"] = [{"socket": "mine", "materials": "soft", "set": custom}]
     plan_or_one_line(replace(paper, path=Path("study.toml"), content=content).plan)

@@ -167,7 +167,7 @@ def test_an_unknown_command_is_named(machine: Machine) -> None:
     assert "no-such-command" in done.stderr
 
 
-def test_the_environment_is_debians_own(machine: Machine) -> None:
+def test_the_environment_is_that_of_debian(machine: Machine) -> None:
     variables = {
         "LD_LIBRARY_PATH": "/opt/conda/lib",
         "PYTHONPATH": "/opt/conda/site-packages",
@@ -220,7 +220,7 @@ def test_root_installs_what_is_missing(without_gmsh: Machine) -> None:
     assert done.stdout == "result\n"  # apt-get's own output is kept out of it
 
 
-def test_others_are_told_what_to_ask_for(without_gmsh: Machine) -> None:
+def test_others_read_what_to_ask_for(without_gmsh: Machine) -> None:
     nobody = ("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
     done = without_gmsh.run("echo", "result", before=nobody if os.geteuid() == 0 else ())
     assert done.returncode == 1

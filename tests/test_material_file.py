@@ -36,11 +36,11 @@ def test_round_trip_keeps_every_digit(law, tmp_path):
 
 def test_provenance_is_kept_for_people(tmp_path):
     path = tmp_path / "law.toml"
-    told = {"data file": 'a "b"\\\x7f\n.csv', "points": [1, 2.5], "r2": 0.9, "ok": True}
-    write_material(path, tissues.SKIN, told)
+    provenance_in = {"data file": 'a "b"\\\x7f\n.csv', "points": [1, 2.5], "r2": 0.9, "ok": True}
+    write_material(path, tissues.SKIN, provenance_in)
     provenance = tomllib.loads(path.read_text())["provenance"]
     assert provenance.pop("calfsocket")
-    assert provenance == told
+    assert provenance == provenance_in
 
 
 # By hand: nu = 0.495 gives D1 = 3 0.01/(1.495 mu) = 0.0200669/mu.
@@ -69,7 +69,7 @@ def test_a_file_by_hand(tmp_path):
         ('law = "yeoh"\nc10 = "nan kPa"', ["c10", "'nan kPa'"]),
         ('law = "yeoh"\nc10 = "-1 kPa"', ["c10: is '-1 kPa'", "greater than 0"]),
         ('law = "yeoh"\nc10 = "1 kPa"\nc_20 = "1 kPa"', ["c_20", "did you mean 'c20'"]),
-        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2, 3]\nnu = 0.4', ["1 mu and 2 alpha"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2, 3]\nnu = 0.4', ["mu has length 1, alpha 2"]),
         ('law = "ogden"\nmu = ["1 kPa", "1"]\nalpha = [2]\nnu = 0.4', ["mu.1", "unit ''"]),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]', ["either d1 or nu"]),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.4\nd1 = "1 1/MPa"', ["either d1"]),
@@ -111,8 +111,8 @@ def test_units_by_hand():
 @pytest.mark.parametrize(
     ("words", "sets", "says"),
     [
-        (["fascia"], ["separate"], ["is 'fascia'; write TISSUE=FILE.toml"]),
-        (["fascia="], ["separate"], ["is 'fascia='; write TISSUE=FILE.toml"]),
+        (["fascia"], ["separate"], ["is 'fascia'; it must be TISSUE=FILE.toml"]),
+        (["fascia="], ["separate"], ["is 'fascia='; it must be TISSUE=FILE.toml"]),
         (["facia=a.toml"], ["separate"], ["'facia'", "skin, fat, muscle, fascia"]),
         (["combined=a.toml"], ["separate"], ["'combined'", "skin, fat, muscle, fascia"]),
         (["muscle=a.toml"], ["combined"], ["'muscle'", "skin, fat, combined"]),

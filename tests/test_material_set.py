@@ -37,10 +37,10 @@ def test_as_printed_form_of_the_set() -> None:
 
 
 def test_other_laws_by_tissue_and_region() -> None:
-    own = {"fat": SOFT, "socket": Hencky(e=2200.0, nu=0.4), "soleus": Yeoh(c10=1.0)}
-    changed = MaterialSet.paper("separate", ogden_form="as-printed").replace(LIMB, **own)
+    custom = {"fat": SOFT, "socket": Hencky(e=2200.0, nu=0.4), "soleus": Yeoh(c10=1.0)}
+    changed = MaterialSet.paper("separate", ogden_form="as-printed").replace(LIMB, **custom)
     laws = changed.region_laws(LIMB)
-    assert laws["soleus"] == own["soleus"] and laws["socket"] == own["socket"]
+    assert laws["soleus"] == custom["soleus"] and laws["socket"] == custom["socket"]
     assert laws["crural_fascia"] == tissues.FASCIA
     assert changed.tissue_laws()["muscle"].form == "as-printed"
     assert changed.tissue_laws()["fat"] == SOFT  # its own form, not the option's

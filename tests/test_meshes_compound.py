@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from geometry import LIMB, SKIN
+from mesh_measures import area, facets
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import quality, tags
@@ -19,16 +20,16 @@ from calfsocket.meshes.triangles import TriangleMesh
 COMPOUND = load_compound()
 
 
-def area(mesh: TriangleMesh, region: str) -> float:
-    return quality.areas(mesh.coordinates)[mesh.cell_tags == mesh.regions[region]].sum()
+@pytest.fixture(scope="module")
+def mesh() -> TriangleMesh:
+    return build(COMPOUND, mesh_size("coarse"))
 
 
 def nodes(mesh: TriangleMesh, boundary: str) -> np.ndarray:
-    return mesh.points[np.unique(mesh.facets[mesh.facet_tags == mesh.boundaries[boundary]])]
+    return mesh.points[np.unique(facets(mesh, boundary))]
 
 
-def test_the_compound_has_its_dimensions() -> None:
-    mesh = build(COMPOUND, mesh_size("coarse"))
+def test_the_compound_has_its_dimensions(mesh: TriangleMesh) -> None:
     width = 3 * (50.0 + 0.78)
     assert COMPOUND.width == pytest.approx(width)
     assert set(mesh.regions) == set(COMPOUND.tissues)
@@ -56,8 +57,7 @@ def test_the_compound_has_its_dimensions() -> None:
     assert quality.scaled_jacobians(mesh.coordinates).min() > 0.3
 
 
-def test_the_plate_touches_the_skin_and_boundaries_have_their_places() -> None:
-    mesh = build(COMPOUND, mesh_size("coarse"))
+def test_the_plate_touches_the_skin_and_boundaries_have_their_places(mesh: TriangleMesh) -> None:
     top = COMPOUND.top
     assert nodes(mesh, tags.SKIN_SURFACE)[:, 1] == pytest.approx(top)
     face = nodes(mesh, tags.SOCKET_INNER)

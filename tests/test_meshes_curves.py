@@ -11,13 +11,6 @@ from calfsocket.meshes import curves
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.socket import Bump, NormalOffset, Socket, bumps_at
 
-#: Socket: loss of area and of perimeter in %, overlap min, mean and max in mm (geometry's note).
-SOCKETS = {
-    "TC": (-3.15, -1.51, 0.16, 0.90, 2.00),
-    "TSB": (-1.64, -0.81, 0.36, 0.47, 0.48),
-    "HS": (-5.00, -2.60, 0.88, 1.44, 1.78),
-}
-
 
 def dense(curve: ClosedCurve) -> np.ndarray:
     return curve.evaluate(curve.sample(0.02))
@@ -109,16 +102,9 @@ def test_a_curve_that_jumps_is_refused() -> None:
         curves.offset(SKIN, lambda points: np.where(points[:, 0] > 0, 1.0, 2.0))
 
 
-@pytest.mark.parametrize("name", SOCKETS)
-def test_sockets_have_the_overlap_of_the_note(name: str) -> None:
+@pytest.mark.parametrize("name", ["TC", "TSB", "HS"])
+def test_walls_have_one_thickness(name: str) -> None:
     inner, outer = Socket.reference(name).faces(SKIN)
-    area, perimeter, least, mean, most = SOCKETS[name]
-    assert 100 * (inner.area / SKIN.area - 1) == pytest.approx(area, abs=0.005)
-    assert 100 * (inner.perimeter / SKIN.perimeter - 1) == pytest.approx(perimeter, abs=0.006)
-    overlap = cKDTree(dense(SKIN)).query(dense(inner))[0]
-    assert [overlap.min(), overlap.mean(), overlap.max()] == pytest.approx(
-        [least, mean, most], abs=0.011
-    )
     assert cKDTree(dense(inner)).query(dense(outer))[0] == pytest.approx(4.5, abs=1e-3)
 
 

@@ -97,11 +97,11 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "repeated point": (
         lambda c: c["curves"]["tibia"]["points"].append([-6.89, 21.23]),
-        "curves.tibia.points: point [-6.89, 21.23] follows itself",
+        "curves.tibia.points: point [-6.89, 21.23] is repeated",
     ),
     "nearly repeated point": (
         lambda c: c["curves"]["tibia"]["points"].append([-6.8905, 21.23]),
-        "curves.tibia.points: point [-6.8905, 21.23] follows itself",
+        "curves.tibia.points: point [-6.8905, 21.23] is repeated",
     ),
     "unknown curve type": (
         lambda c: c["curves"]["fibular_vein"].update(type="circle"),
@@ -117,7 +117,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "offset of an offset": (
         lambda c: c["curves"]["fascia_outer"].update(of="skin_inner"),
-        "curves.fascia_outer.of: 'skin_inner' is an offset itself",
+        "curves.fascia_outer.of: 'skin_inner' is itself an offset",
     ),
     "fat angles": (
         lambda c: c["layers"]["fat_thickness"].append([10.0, 4.0]),
@@ -193,7 +193,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "beside the origin": (
         shift_all,
-        "curves.skin_outline: does not go round the origin",
+        "curves.skin_outline: does not enclose the origin",
     ),
     "a point of one number": (
         lambda c: c["curves"]["tibia"]["points"].__setitem__(3, [1.0]),
@@ -205,7 +205,7 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     ),
     "half a character": (
         lambda c: c.update({"\ud800": 1}),
-        "holds half a character; write it whole",
+        "contains an invalid character (half of a surrogate pair); retype it",
     ),
     "a key of two lines": (lambda c: c.update({"a\nb": 1}), "unknown key 'a\\nb'; allowed:"),
     "a hole outside": (
@@ -258,14 +258,14 @@ def test_a_wrong_socket_is_refused_in_one_line(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('{"units": "mm, deg", "units": "mm, deg"}', "key 'units' stands twice"),
+        ('{"units": "mm, deg", "units": "mm, deg"}', "key 'units' appears twice"),
         ('{"units": ', "line 1 column 11"),
         ("[]", r"is \[\]; it must be a table"),
-        ("[" * 100_000, "is nested too deeply"),
+        ("[" * 100_000, "has too many levels of nesting"),
         ("9" * 5000, "Exceeds the limit"),
     ],
 )
-def test_what_is_no_proper_json_is_refused(tmp_path: Path, text: str, expected: str) -> None:
+def test_what_is_not_proper_json_is_refused(tmp_path: Path, text: str, expected: str) -> None:
     path = tmp_path / "limb.json"
     path.write_text(text)
     with pytest.raises(InputError, match=expected):
@@ -299,16 +299,16 @@ def test_what_is_built_in_python_is_refused_in_the_same_words() -> None:
 
 
 def test_a_socket_is_read_from_a_table(tmp_path: Path) -> None:
-    path = tmp_path / "own.toml"
+    path = tmp_path / "mine.toml"
     path.write_text('like = "HS"\narea_reduction = "3 %"\nmodulus = "2 GPa"\n')
-    own = Socket.read(path)
-    assert own == Socket.reference("HS").model_copy(
-        update={"name": "own", "area_reduction": 0.03, "modulus": 2000.0}
+    mine = Socket.read(path)
+    assert mine == Socket.reference("HS").model_copy(
+        update={"name": "mine", "area_reduction": 0.03, "modulus": 2000.0}
     )
-    assert own.elasticity() == {"e": 2000.0} and Socket.reference("HS").elasticity() == {}
+    assert mine.elasticity() == {"e": 2000.0} and Socket.reference("HS").elasticity() == {}
     path.write_text('law = "normal_offset"\nbase = 1.0\n')
-    with pytest.raises(InputError, match=r"own\.toml: base: 1\.0 is no number with a unit"):
+    with pytest.raises(InputError, match=r"mine\.toml: base: 1\.0 is not a number with a unit"):
         Socket.read(path)
     path.write_text('like = "XS"\n')
-    with pytest.raises(InputError, match=r"own\.toml: like: no socket 'XS'; allowed: HS"):
+    with pytest.raises(InputError, match=r"mine\.toml: like: no socket 'XS'; allowed: HS"):
         Socket.read(path)

@@ -4,23 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from mesh_measures import area, facets
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import quality, tags
 from calfsocket.meshes.disc import DiscInCavity
-from calfsocket.meshes.triangles import TriangleMesh
 
 SIZES = {"radius": 10.0, "core": 7.0, "bore": 12.5, "thickness": 5.0, "h": 0.05, "reach": 0.2}
 FLAT = DiscInCavity(**SIZES | {"bore": math.inf})
 BORE = DiscInCavity(**SIZES)
-
-
-def area(mesh: TriangleMesh, region: str) -> float:
-    return quality.areas(mesh.coordinates)[mesh.cell_tags == mesh.regions[region]].sum()
-
-
-def face(mesh: TriangleMesh, name: str) -> np.ndarray:
-    return mesh.facets[mesh.facet_tags == mesh.boundaries[name]]
 
 
 @pytest.mark.parametrize("disc", [FLAT, BORE])
@@ -35,7 +27,7 @@ def test_a_disc_touches_its_cavity_in_one_point(disc: DiscInCavity) -> None:
     else:
         assert area(mesh, "socket") == pytest.approx(math.pi * (17.5**2 - 12.5**2), rel=1e-4)
     for name in ("skin_surface", "socket_inner"):
-        edges = mesh.points[face(mesh, name)]
+        edges = mesh.points[facets(mesh, name)]
         lowest = edges[:, :, 1].min()
         assert lowest == pytest.approx(-10.0, abs=1e-4)
         middle, length = edges[:, 2], np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1)

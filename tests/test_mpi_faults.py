@@ -19,7 +19,7 @@ TANGENT = "calfsocket.mechanics.problem:Problem.tangent"
 TITLE = "Faults of one rank among several"
 INTRO = """\
 A fault strikes one of two ranks that solve a case together. Where all ranks can know, that case
-fails and the next one is solved; where the other waits for the one that cannot go on, both end
+fails and the next one is solved; where the other waits for the one that cannot continue, both end
 within 10 s with its message, once, and `--resume` finishes the study."""
 
 PROGRAM = Path(__file__).with_name("tiny_study.py")
@@ -58,8 +58,8 @@ CASES = (
          error="MemoryError"),
     ends("checkpoint, second rank", "calfsocket.simulation.checkpoint:Checkpoint._gather", (1,), 4),
     ends("checks, second rank", "calfsocket.mechanics.problem:Problem.smallest_volume_ratio", (1,)),
-    ends("outcomes, first rank", "calfsocket.simulation.simulation:contact_line", (0,)),
-    ends("outcomes, second rank", "calfsocket.simulation.simulation:section_fields", (1,)),
+    ends("quantities, first rank", "calfsocket.simulation.simulation:contact_line", (0,)),
+    ends("quantities, second rank", "calfsocket.simulation.simulation:section_fields", (1,)),
     agrees("files, first rank", "calfsocket.study.runner:_CaseRunner._write", (0,), slow=False),
     ends("run.json, first rank", "calfsocket.study.record:Recorder.put", (0,)),
     ends("next case, second rank", "calfsocket.parallel.scheduler:Scheduler.next_case", (1,), 2),
@@ -146,7 +146,7 @@ def test_a_fault_of_one_rank(trial, launch, tmp_path, unbroken):
     ],
 )
 def test_shapes(ranks, how, launch, tmp_path):
-    """Ranks without limb, skin or socket, or with nothing at all, break off and go on."""
+    """Ranks without limb, skin or socket, or with nothing at all, are interrupted and continue."""
     study = how.get("study", {"sockets": ["A", "B"]})
     expected = tmp_path / "expected"
     assert tiny_study(expected, tuple(study["sockets"])).run()
@@ -173,7 +173,7 @@ def test_mpirun_asked_to_end(launch, tmp_path):
 
 
 def test_cases_side_by_side_fail_alone(launch, tmp_path, unbroken):
-    """A rank by itself needs nobody's agreement: the other's case goes on meanwhile."""
+    """A rank by itself needs nobody's agreement: the other's case continues meanwhile."""
     fault = Fault(RESIDUAL, (0,), 8)
     ended = run(launch, 2, fault=fault.__dict__)
     assert ended.returncode == 1

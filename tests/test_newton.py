@@ -39,7 +39,7 @@ def solve(start, full_steps_first):
 def test_it_is_solved_from_far_away(full_steps_first):
     result, norms, x = solve(FULL_STEPS_FAIL, full_steps_first)
     assert result.converged and abs(x) < 1e-9
-    # The search begins where the full steps began, and tells of its own way alone.
+    # The search begins where the full steps began, and reports its own steps alone.
     assert result.history[0] == pytest.approx(np.arctan(FULL_STEPS_FAIL))
     assert [k for k, _ in norms].count(0) == (2 if full_steps_first else 1)
     assert result.iterations == sum(k > 0 for k, _ in norms)

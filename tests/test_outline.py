@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry import LIMB, SKIN
-from mesh_measures import jacobian_bounds
+from mesh_measures import area, jacobian_bounds
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -15,10 +15,8 @@ from calfsocket.meshes import curves, section
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.outline import MANY_POINTS, read_outline
 from calfsocket.meshes.placement import check_placement
-from calfsocket.meshes.quality import areas
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.socket import Outline, Socket
-from calfsocket.meshes.tags import SOCKET_ID
 from drawings import dxf
 
 TSB = Socket.reference("TSB")
@@ -132,19 +130,14 @@ def test_the_reference_socket_comes_back_from_a_file(
     name: str, write: Callable[[Path], None], tmp_path: Path
 ) -> None:
     write(tmp_path / name)
-    own = Socket.read(tmp_path / name)
-    assert isinstance(own, Outline)
-    assert len(own.points) <= MANY_POINTS
-    for face, reference in zip(own.faces(SKIN), TSB.faces(SKIN), strict=True):
+    custom = Socket.read(tmp_path / name)
+    assert isinstance(custom, Outline)
+    assert len(custom.points) <= MANY_POINTS
+    for face, reference in zip(custom.faces(SKIN), TSB.faces(SKIN), strict=True):
         assert deviation(face, reference) < 0.02
-    found, wanted = check_placement(own, LIMB), check_placement(TSB, LIMB)
+    found, wanted = check_placement(custom, LIMB), check_placement(TSB, LIMB)
     assert found.area_reduction == pytest.approx(wanted.area_reduction, abs=3e-5)
     assert found.mean_overlap == pytest.approx(wanted.mean_overlap, abs=1e-3)
-
-
-def curve_centre(name: str) -> tuple[float, float]:
-    """Of the circle below, whose y axis points down in an SVG."""
-    return (3.0, 4.0) if name.endswith("dxf") else (3.0, -4.0)
 
 
 def test_shapes_of_known_area(tmp_path: Path) -> None:
@@ -170,16 +163,17 @@ def test_shapes_of_known_area(tmp_path: Path) -> None:
         "ellipse.svg": ('<ellipse rx="50" ry="40" transform="rotate(30)"/>', np.pi * 50 * 40),
         "stadium.svg": (f'<path d="{half_circles}"/>', np.pi * 40**2 + 80 * 40),
     }
-    for name, (draw, area) in drawings.items():
+    for name, (draw, enclosed) in drawings.items():
         if callable(draw):
             draw(tmp_path / name)
         else:
             head = '<svg xmlns="http://www.w3.org/2000/svg" width="1in" viewBox="0 0 25.4 1">'
             (tmp_path / name).write_text(f"{head}{draw}</svg>")
         curve = curves.through(read_outline(tmp_path / name))
-        assert curve.area == pytest.approx(area, rel=1e-5), name
+        assert curve.area == pytest.approx(enclosed, rel=1e-5), name
         if name.startswith("circle"):
-            radius = np.linalg.norm(curve.evaluate(curve.sample(0.1)) - curve_centre(name), axis=1)
+            centre = (3.0, 4.0 if name.endswith("dxf") else -4.0)  # y points down in an SVG
+            radius = np.linalg.norm(curve.evaluate(curve.sample(0.1)) - centre, axis=1)
             assert radius == pytest.approx(np.full(len(radius), 50.0), abs=2e-4)
 
 
@@ -227,13 +221,12 @@ def test_a_file_that_may_not_be_read_is_named(
         read_outline(tmp_path / "a.csv")
 
 
-def test_an_outline_is_meshed_with_a_wall_of_its_own(tmp_path: Path) -> None:
+def test_an_outline_is_meshed_with_its_wall(tmp_path: Path) -> None:
     """The wall of 3 mm has an area of 3 P + 9 pi."""
     np.savetxt(tmp_path / "a.csv", POINTS[::3], delimiter=",")
-    (tmp_path / "own.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')
-    own = Socket.read(tmp_path / "own.toml")
-    assert own == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0, name="own")
-    mesh = section.build(LIMB, own, mesh_size("coarse"))
+    (tmp_path / "custom.toml").write_text('outline = "a.csv"\nwall_thickness = "3 mm"\n')
+    custom = Socket.read(tmp_path / "custom.toml")
+    assert custom == Socket.from_outline(tmp_path / "a.csv", wall_thickness=3.0, name="custom")
+    mesh = section.build(LIMB, custom, mesh_size("coarse"))
     assert jacobian_bounds(mesh.coordinates)[0].min() > 0
-    wall = areas(mesh.coordinates)[mesh.cell_tags == SOCKET_ID].sum()
-    assert wall == pytest.approx(3 * FACE.perimeter + 9 * np.pi, rel=1e-3)
+    assert area(mesh, "socket") == pytest.approx(3 * FACE.perimeter + 9 * np.pi, rel=1e-3)

@@ -30,7 +30,7 @@ def findings(folder: Path) -> Findings:
 
 
 def board(folder: Path) -> pd.DataFrame:
-    evidence = Evidence(findings(folder))
+    evidence = Evidence(results_of(ONE, folder=folder))
     return pd.DataFrame({name: check(name, evidence) for name in [*CLAIMS, "C037"]}).T
 
 
@@ -78,7 +78,7 @@ def test_a_fitted_law_far_from_the_curve_does_not_decide_on_the_papers(tmp_path)
 
 def test_the_table(tmp_path):
     found = read_calibration(write_calibration(tmp_path / "calibration").parent)
-    laws = found.inputs.laws
+    laws = found.record.inputs.laws
     table = calibration.table(found, laws)
     fitted = table.shown.loc["Combined, fitted"].str.replace("\N{NO-BREAK SPACE}", " ")
     assert fitted.tolist() == [
@@ -100,11 +100,11 @@ def test_the_table_says_what_the_fit_is_worth(tmp_path):
     content["curves"]["separate"]["negative_modes"] = [0, 0, 1, 0]
     path.write_text(json.dumps(content))
     found = read_calibration(tmp_path)
-    laws = found.inputs.laws | {"fascia": {"law": "yeoh", "c10": 0.491}}
+    laws = found.record.inputs.laws | {"fascia": {"law": "yeoh", "c10": 0.491}}
     table = calibration.table(found, laws)
     assert table.shown["alpha"]["Combined, fitted"] == "0.500 (not determined)"
     limit, unstable, others = table.notes
-    assert "alpha ended at an end of its range (0.500)" in limit
+    assert "alpha is at a limit of its range (0.500)" in limit
     assert unstable == "Unstable at some displacement: Separate."
     assert others == "Calibrated with other laws than this study's: fascia."
 

@@ -7,7 +7,6 @@ import pytest
 from calfsocket.paper import comparison, figures, published
 from calfsocket.paper.evidence import STRAINS, Evidence
 from calfsocket.paper.tables import tables
-from calfsocket.report.findings import Findings
 from calfsocket.report.table import TIMES, TOGETHER, number
 from calfsocket.study.document import ModelTable
 from report_results import ALL, contact_on, limb, limb_study, results_of
@@ -15,7 +14,7 @@ from report_results import ALL, contact_on, limb, limb_study, results_of
 
 @pytest.fixture(scope="module")
 def evidence(six_results) -> Evidence:
-    return Evidence(Findings(six_results))
+    return Evidence(six_results)
 
 
 # --- the paper's numbers
@@ -47,7 +46,7 @@ def test_table_1_in_the_papers_units(evidence):
 
 def test_table_1_of_other_choices():
     study = results_of(limb_study(ALL[:1]), ModelTable(fascia_c10="tables"))
-    laws = Evidence(Findings(study)).laws
+    laws = Evidence(study).laws
     rows = comparison.materials(laws).set_index(["material", "symbol"])
     assert rows.ratio["fascia", "C10"] == pytest.approx(0.1)
 
@@ -95,7 +94,7 @@ def test_change_of_magnitude_stands_beside_equation_3(evidence):
     "keys", [ALL, ALL[:1], ALL[1::2], ALL[2:4]], ids=["all", "one", "set", "TSB"]
 )
 def test_tables_of_the_solved_cases(keys, six_results):
-    made = tables(Evidence(Findings(six_results.only(keys))))
+    made = tables(Evidence(six_results.only(keys)))
     both = {"table3", "table5"} if keys in (ALL, ALL[2:4]) else set()
     assert set(made) == {"table1", "table2", "table4", "agreement", "pressure", *both}
     assert len(made["table2"].data) == 10 * len(keys)
@@ -137,15 +136,15 @@ def bars_and_marks(figure) -> tuple[list[float], list[float]]:
 
 
 def test_bars_are_ours_and_marks_are_the_papers(evidence):
-    table = evidence.compared_changes
+    table, drawn = evidence.compared_changes, figures.figures(evidence)
     maxima = table[table.site == "max_both"]
-    bars, marks = bars_and_marks(figures.of_maxima(table))
+    bars, marks = bars_and_marks(drawn["5"].draw())
     assert sorted(bars) == pytest.approx(sorted(maxima.ours))
     assert sorted(marks) == pytest.approx(sorted(maxima.paper))
     assert max(marks) == 459  # the paper's largest: muscle, effective stress, TC
     assert min(marks) == -599
     sites = table[(table.site != "max_both") & table["quantity"].isin(STRAINS)]
-    bars, marks = bars_and_marks(figures.at_sites(table, STRAINS))
+    bars, marks = bars_and_marks(drawn["8"].draw())
     assert sorted(bars) == pytest.approx(sorted([*sites.ours, *sites.ours]))  # in two ranges
     assert min(marks) == -15900
 
@@ -156,13 +155,13 @@ def test_equation_3_and_the_change_of_magnitude_are_not_mixed_up():
     for name, factor in (("separate", -1.0), ("combined", -1.5)):
         fields = limb(factor)
         cases["TC", name] = (fields, contact_on(fields, -10 * factor))
-    table = Evidence(Findings(results_of(cases))).compared_changes
-    equation_3, _ = bars_and_marks(figures.of_maxima(table))
-    magnitude, _ = bars_and_marks(figures.of_magnitudes(table))
+    drawn = figures.figures(Evidence(results_of(cases)))
+    equation_3, _ = bars_and_marks(drawn["5"].draw())
+    magnitude, _ = bars_and_marks(drawn["5b"].draw())
     assert np.count_nonzero(np.isclose(equation_3, -50)) == 5
     assert np.count_nonzero(np.isclose(magnitude, -50)) == 0
     assert np.count_nonzero(np.isclose(magnitude, 50)) == 10  # effective stress, too
 
 
 def test_one_set_alone_has_no_figures(six_results):
-    assert figures.figures(Evidence(Findings(six_results.only(ALL[1::2])))) == {}
+    assert figures.figures(Evidence(six_results.only(ALL[1::2]))) == {}

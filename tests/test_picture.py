@@ -71,7 +71,7 @@ def test_a_field_is_sampled_where_it_is_and_only_in_its_cells():
     fields = limb_and_socket(24)
     still = np.zeros_like(fields.displacement)
     fields = type(fields)(**{**vars(fields), "displacement": still})
-    muscle = drawing.cells_of(fields, "muscle")
+    muscle = fields.cells_of("muscle")
     x, y = np.moveaxis(fields.points[fields.cells], -1, 0)
     window = (-48.0, 48.0, -48.0, 48.0)
     image = drawing.field_image(fields, 2 * x - 3 * y, muscle, window, 240)

@@ -108,7 +108,7 @@ REFUSED = {
     "wall in a hollow": (
         # A bump of 3 mm whose width, 2.5 degrees, is 2.4 mm of skin: a radius of 2.4^2 / 3 mm.
         offset(0.5, Bump(center=268, width=2.5, amplitude=3.0)),
-        ("a wall of 4.5 mm folds over", "radius of 1.9 mm at 268 degrees, (-1.93, -52.72) mm"),
+        ("a wall of 4.5 mm folds over", "radius of 1.9 mm, at 268 degrees, (-1.93, -52.72) mm"),
     ),
     "thick wall on a wavy face": (
         outline(ring(54.0, waves=2.0), wall_thickness=60.0),
@@ -116,18 +116,18 @@ REFUSED = {
     ),
     "beside": (
         outline(ring(54.0), shift=(300.0, 0.0)),
-        ("lies beside the limb, 1", "mm away at 0 degrees, (300.00, 0.00) mm"),
+        ("lies beside the limb, 1", "mm away, centred at 0 degrees, (300.00, 0.00) mm"),
     ),
     "around": (
         offset(-5.0),
-        ("does not press on the limb", "still by 5.00 mm; make it smaller"),
+        ("does not press on the limb", "at least 5.00 mm away from the skin (closest at"),
     ),
     "ring that is too wide": (outline(ring(80.0)), ("does not press on the limb",)),
     "deep all round": (
         Socket.reference("TSB").model_copy(update={"base": 9.0}),
         (
             "reaches into bone: it presses 9.0 mm deep at 132 degrees",
-            "where 5.6 mm",
+            "where the bone has 5.6 mm",
             "of soft tissue",
         ),
     ),
@@ -141,7 +141,7 @@ REFUSED = {
                 Bump(center=180, width=30, amplitude=-100.0),
             ),
         ),
-        ("no circle blend with these bumps has an area reduced by 0.98",),
+        ("no circle blend reduces the area by 98 %",),
     ),
 }
 

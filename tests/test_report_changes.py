@@ -77,12 +77,12 @@ def test_values_of_both_sets_at_each_others_sites(changes):
     assert shear.region["max_separate"] == "soleus" and shear.region["max_both"] == ""
 
 
-def test_a_set_has_its_maximum_at_its_own_site(changes, results):
+def test_a_set_has_its_maximum_at_its_site(changes, results):
     for _, row in changes.iterrows():
         for name in ("separate", "combined"):
             if row.site in (f"max_{name}", "max_both"):
-                own = results.value("TC", name, row.tissue, row.quantity)
-                np.testing.assert_allclose(row[name], own, rtol=1e-8)
+                expected = results.value("TC", name, row.tissue, row.quantity)
+                np.testing.assert_allclose(row[name], expected, rtol=1e-8)
 
 
 def test_contact_pressure_at_sites_and_on_average(changes):

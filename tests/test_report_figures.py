@@ -35,8 +35,8 @@ def test_files_are_at_300_dpi_and_180_mm_and_have_the_same_bytes_again(six_resul
         assert image.width == pytest.approx(180 / 25.4 * 300, abs=1)
         assert image.info["dpi"] == pytest.approx((300, 300), abs=0.1)
         assert np.asarray(image.convert("L")).std() > 10
-    for ending in ("png", "pdf"):
-        first, second = ((tmp_path / f"{n}.{ending}").read_bytes() for n in ("first", "second"))
+    for extension in ("png", "pdf"):
+        first, second = ((tmp_path / f"{n}.{extension}").read_bytes() for n in ("first", "second"))
         assert first == second
     assert first.startswith(b"%PDF") and first.count(b"/Subtype /Image") == 0  # all vectors
 

@@ -197,10 +197,10 @@ def test_one_run_and_a_failure_still_get_a_page(one_run):
     assert "negative modes in HS_separate (2)" in seen.found["answer"][-1]
 
 
-def test_the_method_tells_settings_in_words(six_results):
+def test_the_method_has_settings_in_words(six_results):
     settings = method.tables(six_results)[1]
     assert settings.shown["value"]["friction coefficient"] == "0.4"
-    assert settings.shown["value"]["predictor"] == "no"
+    assert settings.shown["value"]["extrapolation from the last two steps"] == "no"
     summary = method.summary(six_results)
     assert summary.startswith("TC Separate and Combined; TSB Separate and Combined; HS Separate")
     assert "Mesh size coarse, socket floating, friction 0.4, fascia's C10 printed" in summary
@@ -217,7 +217,7 @@ def test_command_writes_the_report_with_the_thresholds_asked_for(monkeypatch, ca
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["nowhere"], "nowhere: holds neither"),
+        (["nowhere"], "nowhere: contains neither"),
         ([".", "--muscle-shear", "-1"], "muscle_shear_pct is -1"),
     ],
 )
@@ -238,7 +238,8 @@ def test_a_report_that_fails_does_not_change_the_exit_code(solved, tmp_path, mon
         code = cli.main(["--out", str(tmp_path / "r"), "--sockets", "TC"])
     assert code == (0 if solved else 1)
     (record,) = caplog.records
-    assert record.getMessage() == f"no report in {tmp_path}/r: ZeroDivisionError: division by zero"
+    expected = f"the report in {tmp_path}/r could not be made: ZeroDivisionError: division by zero"
+    assert record.getMessage() == expected
 
 
 def test_no_report_is_written_when_none_is_wanted(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ NO_FRICTION = {"model.friction": 0.0}
 
 @pytest.fixture(scope="module")
 def study() -> Results:
-    """TC as base; without friction twice the stress in muscle; held, with one case alone."""
+    """TC as base; without friction twice the stress in muscle; fixed, with one case alone."""
     base = limb_study(ALL[:2])
     cases = dict(base)
     for (socket, name), (fields, line) in base.items():
@@ -28,7 +28,7 @@ def study() -> Results:
         doubled = replace(fields, stress=muscle * fields.stress)
         key = (f"{socket}@frictionless", name)
         cases[key] = result(key, doubled, line, changes=NO_FRICTION)
-    key = ("TC@socket-held", "separate")
+    key = ("TC@socket-fixed", "separate")
     cases[key] = result(key, *base["TC", "separate"], changes=HELD)
     results = results_of(cases)
     other = MaterialSet.paper("separate", "tables")  # with another law of fascia, too
@@ -39,7 +39,7 @@ def study() -> Results:
 
 def test_variants_by_name_the_base_first(study):
     found = variants.variants(study)
-    assert list(found) == ["base", "frictionless", "socket-held"]
+    assert list(found) == ["base", "frictionless", "socket-fixed"]
     assert [list(each) for each in found.values()] == [list(ALL[:2]), list(ALL[:2]), [ALL[0]]]
     assert variants.variants(study.only(ALL[:2])) == {}  # nothing beside the base
     others = [key for key in study if "@" in key[0]]
@@ -51,7 +51,7 @@ def test_cases_are_shown_of_the_base_alone(study):
 
 
 def test_a_variant_without_labels_is_named_by_its_changes(study):
-    record = study.records["TC@socket-held", "separate"]
+    record = study.records["TC@socket-fixed", "separate"]
     plain = record.model_copy(update={"socket": "TC", "changes": HELD | NO_FRICTION})
     assert variants.name(plain) == "model.socket_support = outer-fixed, model.friction = 0.0"
 
@@ -84,7 +84,7 @@ def test_dependence_on_a_choice(tables):
 
 def test_claims_under_each_variant(tables):
     counted = tables["verdicts_by_variant"].set_index("variant")
-    assert counted.index.tolist() == ["base", "frictionless", "socket-held"]
+    assert counted.index.tolist() == ["base", "frictionless", "socket-fixed"]
     assert (counted.sum(axis=1) == 53).all()
     rows = tables["claims_by_variant"].set_index("id")
     assert len(rows) == 105
@@ -93,7 +93,7 @@ def test_claims_under_each_variant(tables):
     assert not rows.same["C044"] and rows.same["C023"]
     # so are its laws: C10 of fascia
     assert rows.loc["C024", ["base", "frictionless"]].tolist() == [HOLDS, "does not hold"]
-    assert rows["socket-held"]["C054"] == UNCHECKED
+    assert rows["socket-fixed"]["C054"] == UNCHECKED
 
 
 def test_tables_as_they_are_read(study):

@@ -1,4 +1,4 @@
-"""Results as types: computed once, written, read back, told apart."""
+"""Results as types: computed once, written, read back, distinguished."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_a_result_is_read_back_without_loss(solved, tmp_path):
     pd.testing.assert_frame_equal(again.summary(), solved.summary(), rtol=0, atol=0)
 
 
-def test_what_a_result_tells(solved):
+def test_what_a_result_contains(solved):
     assert tuple(solved.summary().columns) == SUMMARY_COLUMNS
     assert (solved.contact.pressure_kPa == 1 / 3).all() and "weight_mm" in solved.contact
     assert solved.checks.load == 1.0
@@ -164,7 +164,7 @@ def test_spoilt_results_are_refused_in_one_line(spoil, says, tmp_path):
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"holds neither a run\.json nor a case's result\.json"):
+    with pytest.raises(InputError, match=r"contains neither a run\.json nor a case's result\.json"):
         load_results(tmp_path)
     write_results(tmp_path, {TC: plate_result(TC)})
     run = json.loads((tmp_path / "run.json").read_text())

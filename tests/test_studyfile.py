@@ -75,9 +75,9 @@ def test_variants_are_a_sweep_of_named_changes(tmp_path):
     labels = ["", *(f"@{name}" for name in variants())]
     assert [case.name for case in study.plan.to_solve] == [f"HS{x}_separate" for x in labels]
     assert {case.of for case in study.plan.to_solve} == {("HS", "separate")}
-    held = study.plan.to_solve[1]
-    assert held.changes == {"model.socket_support": "outer-fixed"}
-    assert held.simulation().support == "outer-fixed"
+    fixed = study.plan.to_solve[1]
+    assert fixed.changes == {"model.socket_support": "outer-fixed"}
+    assert fixed.simulation().support == "outer-fixed"
     assert len(study.plan.cases) == 6 * (1 + len(variants()))
 
 
@@ -213,8 +213,8 @@ def test_laws_by_tissue_and_by_region(plan):
         """
         [study]
         sockets = ["TC"]
-        materials = ["own", "shared", "combined"]
-        [materials.own]
+        materials = ["custom", "shared", "combined"]
+        [materials.custom]
         fat = { law = "neo-hookean", mu = "2 kPa", d1 = "10 1/MPa" }
         soleus = { law = "hencky", e = "30 kPa", nu = 0.45 }
         [materials.shared]
@@ -224,13 +224,13 @@ def test_laws_by_tissue_and_by_region(plan):
         vessel = { law = "hencky", e = "12 kPa", nu = 0.49 }
         """
     )
-    own, shared, paper = (case.simulation().region_laws for case in made.cases)
-    assert own["subcutaneous_fat"] == Ogden(mu=(0.002,), alpha=(2.0,), d1=10.0)
-    assert own["soleus"] == Hencky(e=0.03, nu=0.45) != own["tibialis_anterior"]
+    custom, shared, paper = (case.simulation().region_laws for case in made.cases)
+    assert custom["subcutaneous_fat"] == Ogden(mu=(0.002,), alpha=(2.0,), d1=10.0)
+    assert custom["soleus"] == Hencky(e=0.03, nu=0.45) != custom["tibialis_anterior"]
     assert shared["soleus"] == shared["deep_fascia"] and shared["soleus"].mu == (0.005, 0.007)
     assert paper["soleus"] == MUSCLE_AND_FASCIA and shared["subcutaneous_fat"] == FAT
     vein = "small_saphenous_vein"
-    assert own[vein] == shared[vein] == Hencky(e=0.012, nu=0.49)
+    assert custom[vein] == shared[vein] == Hencky(e=0.012, nu=0.49)
 
 
 def test_a_set_like_combined_takes_the_steps_of_the_combined_set(plan):
@@ -269,7 +269,7 @@ def test_cases_are_all_combinations_in_the_order_of_the_file(plan):
     assert names(plan(BASE)) == ["TC_separate", "TC_soft", "mine_separate", "mine_soft"]
 
 
-def test_a_grid_makes_a_case_of_each_combination_that_reaches_it(plan):
+def test_a_grid_makes_a_case_of_each_combination_that_affects_it(plan):
     made = plan(
         BASE + "[sweep.grid]\nmodel.friction = [0.2, 0.4]\n"
         'sockets.mine.wall_thickness = ["3 mm", "5 mm"]\n'
@@ -297,7 +297,7 @@ def test_a_list_takes_values_together(plan):
     assert made.cases[1].simulation().steps.largest == 0.5
 
 
-def test_a_sweep_over_a_law_is_told_in_the_name_of_the_set(plan):
+def test_a_sweep_over_a_law_shows_in_the_name_of_the_set(plan):
     made = plan(BASE + '[sweep.grid]\nmaterials.soft.fat.mu = [["1 kPa"], ["2 kPa"]]\n')
     assert names(made) == [
         "TC_separate", "TC_soft@mu=1kPa", "TC_soft@mu=2kPa",
@@ -316,7 +316,7 @@ def test_values_that_make_no_word_are_counted(plan):
     assert made.cases[2].materials.tissue_laws()["fat"] == Hencky(e=0.003, nu=0.45)
 
 
-def test_parameters_of_one_name_are_told_apart(plan):
+def test_parameters_of_one_name_are_distinguished(plan):
     made = plan(
         BASE + "[materials.soft.vessel]\nlaw = 'hencky'\ne = '10 kPa'\nnu = 0.49\n"
         "[sweep.grid]\nmaterials.soft.fat.nu = [0.49]\nmaterials.soft.vessel.nu = [0.48]\n"
@@ -324,7 +324,7 @@ def test_parameters_of_one_name_are_told_apart(plan):
     assert names(made)[1] == "TC_soft@fat.nu=0.49,vessel.nu=0.48"
 
 
-def test_cases_one_by_one_with_parameters_of_their_own(plan):
+def test_cases_one_by_one_with_custom_parameters(plan):
     made = plan(
         """
         [[cases]]
@@ -334,21 +334,21 @@ def test_cases_one_by_one_with_parameters_of_their_own(plan):
         socket = "HS"
         materials = "separate"
         set.model = { friction = 0.1, socket_support = "outer-fixed" }
-        label = "held"
+        label = "fixed"
         [[cases]]
         socket = "HS"
         materials = "separate"
         set.model.friction = 0.2
         """
     )
-    assert names(made) == ["HS_separate", "HS@held_separate", "HS@friction=0.2_separate"]
+    assert names(made) == ["HS_separate", "HS@fixed_separate", "HS@friction=0.2_separate"]
     assert [dict(case.changes) for case in made.cases] == [
         {}, {"model.friction": 0.1, "model.socket_support": "outer-fixed"}, {"model.friction": 0.2}
     ]  # fmt: skip
     assert made.cases[1].simulation().support == "outer-fixed"
 
 
-def test_names_lead_into_lists(plan):
+def test_names_reach_into_lists(plan):
     made = plan(
         BASE.replace('like = "HS"', 'law = "normal_offset"\nbase = "1 mm"\n'
         'bumps = [{ center = "0 deg", width = "20 deg", amplitude = "1 mm" }]')

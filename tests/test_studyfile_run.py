@@ -1,4 +1,4 @@
-"""A study of one's own solved on the coarse mesh, and solved again from its run.json alone."""
+"""A custom study solved on the coarse mesh, and solved again from its run.json alone."""
 
 import json
 import shutil
@@ -47,7 +47,7 @@ def write_study(folder: Path, text: str = STUDY) -> Path:
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("own")
+    folder = tmp_path_factory.mktemp("custom")
     path = write_study(folder / "given")
     assert cli.main(["run", str(path), "--out", str(folder / "results"), "--no-report"]) == 0
     return folder / "results"
@@ -82,7 +82,7 @@ def test_contact_pressure_is_that_of_the_lost_area(results):
     assert summary["skin", "contact_pressure_mean"] == pytest.approx(estimate, rel=0.1)
 
 
-def test_summary_and_sweep_tell_the_threshold(results):
+def test_summary_and_sweep_have_the_threshold(results):
     summary = pd.read_csv(results / "summary.csv").set_index(["tissue", "quantity"]).value
     share = summary["skin", "share_of_contact_pressure_above_11_kPa"]
     assert 0 < share < 100
@@ -100,7 +100,7 @@ def test_summary_and_sweep_tell_the_threshold(results):
 
 
 def test_run_json_alone_repeats_the_run(results, tmp_path, monkeypatch):
-    """The study and its files are gone: what they held is in run.json, to the last bit."""
+    """The study and its files are gone: what they contained is in run.json, to the last bit."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(results / "run.json", "run.json")
     given = results.parent / "given"
@@ -134,10 +134,10 @@ def test_results_of_another_study_are_not_mixed_in(results, tmp_path):
     check_folder(results, more, overwrite=False)  # adds a case, and leaves the other as it is
     assert len(more.cases) == 2
     stiffer = plan_of(write_study(tmp_path, STUDY.replace("2.2 GPa", "2.3 GPa")))
-    with pytest.raises(InputError, match=rf"other inputs \(case {NAME}\)"):
+    with pytest.raises(InputError, match=rf"other inputs \(case {NAME} changed\)"):
         check_folder(results, stiffer, overwrite=False)
     limit = plan_of(write_study(tmp_path, STUDY.replace("11 kPa", "9 kPa")))
-    with pytest.raises(InputError, match=r"other inputs \(thresholds\)"):
+    with pytest.raises(InputError, match=r"other inputs \(thresholds changed\)"):
         check_folder(results, limit, overwrite=False)
 
 

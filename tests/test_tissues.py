@@ -72,7 +72,7 @@ def test_laws_tie_the_papers_shear_stress_to_its_strain(material_set: str, tissu
 
 
 def test_papers_fascia_needs_the_variant() -> None:
-    """The printed C10 overpredicts the fascia's shear stress four- to sevenfold."""
+    """The printed C10 overestimates the fascia's shear stress four- to sevenfold."""
     printed, variant = (MaterialSet.paper("separate", c10).laws for c10 in ("printed", "tables"))
     for stress, strain in [(190, 11.10), (140, 10.0), (500, 18.5)]:
         assert shear_stress(variant["fascia"], strain / 100) == pytest.approx(

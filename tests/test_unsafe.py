@@ -45,8 +45,8 @@ def test_the_container_runs_unprivileged():
     assert user not in ("root", "0")
 
 
-def own_results(folder: Path, cases) -> Path:
-    """Write results of cases of one's own, with a title and a sweep."""
+def custom_results(folder: Path, cases) -> Path:
+    """Write results of custom cases, with a title and a sweep."""
     threshold = Threshold("contact_pressure", "skin", 9.0)
     made = {
         key: result(key, *case, changes={"model.friction": float(key[0].split("=")[1][:3])})
@@ -71,24 +71,24 @@ def solved(factor: float):
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory) -> Path:
+def custom(tmp_path_factory) -> Path:
     cases = {key: solved(1.0 + i) for i, key in enumerate(OWN)}
-    return write_small_report(own_results(tmp_path_factory.mktemp("own"), cases))
+    return write_small_report(custom_results(tmp_path_factory.mktemp("custom"), cases))
 
 
-def test_titles_are_escaped_in_the_page(own):
-    page = (own / "report.html").read_text(encoding="utf-8")
+def test_titles_are_escaped_in_the_page(custom):
+    page = (custom / "report.html").read_text(encoding="utf-8")
     assert "<script" not in page
     assert "<h1>Walls &lt;script&gt;alert(&#34;1&#34;)&lt;/script&gt; &amp; more</h1>" in page
 
 
-def test_a_study_without_the_papers_cases_is_not_held_against_the_paper(own):
-    page = (own / "report.html").read_text(encoding="utf-8")
+def test_a_study_without_the_papers_cases_is_not_compared_with_the_paper(custom):
+    page = (custom / "report.html").read_text(encoding="utf-8")
     assert 'id="scoreboard"' not in page and "#scoreboard" not in page
     assert "the paper" not in re.search(r'<ol class="answer">.*?</ol>', page, re.S)[0]
-    assert not (own / "tables" / "scoreboard.csv").exists()
-    assert not (own / "tables" / "table2.csv").exists()
-    assert sorted(path.stem for path in (own / "tables").glob("*.csv")) == [
+    assert not (custom / "tables" / "scoreboard.csv").exists()
+    assert not (custom / "tables" / "table2.csv").exists()
+    assert sorted(path.stem for path in (custom / "tables").glob("*.csv")) == [
         "damage", "laws", "maxima", "sweep", "thresholds"
     ]  # fmt: skip
     headings = re.findall(r"<h2>(.*?)</h2>", page)
@@ -98,15 +98,15 @@ def test_a_study_without_the_papers_cases_is_not_held_against_the_paper(own):
         assert word not in page
 
 
-def test_the_page_of_another_study_does_not_speak_of_the_paper(own):
-    page = (own / "report.html").read_text(encoding="utf-8")
+def test_the_page_of_another_study_does_not_speak_of_the_paper(custom):
+    page = (custom / "report.html").read_text(encoding="utf-8")
     text = re.sub(r"<style>.*?</style>|data:[^\"]*", "", page, flags=re.DOTALL)
     for word in ("paper", "calf ", "calves", "TC", "TSB", "HS ", "laim", "coreboard"):
         assert word not in text.replace("calfsocket", ""), word
 
 
-def test_tables_of_its_own_hold_its_numbers(own):
-    results = load_results(own)
+def test_its_tables_have_its_numbers(custom):
+    results = load_results(custom)
     assert tuple(results) == OWN and guest(Findings(results)) is None
     assert tables.laws(results).shown.loc["soleus", "soft"] == "hencky: e 0.03 MPa, nu 0.45"
     maxima = tables.maxima(results).shown
@@ -115,7 +115,7 @@ def test_tables_of_its_own_hold_its_numbers(own):
     thresholds = tables.thresholds(results).shown
     assert thresholds.loc[("skin", "contact pressure above 9 kPa"), OWN[0]] == "0"
     assert thresholds.loc[("skin", "contact pressure above 9 kPa"), OWN[1]] == "100"
-    assert "model.friction = 0.2" in (own / "report.html").read_text(encoding="utf-8")
+    assert "model.friction = 0.2" in (custom / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_mixed_study_compares_only_the_papers_cases():

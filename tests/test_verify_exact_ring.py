@@ -52,7 +52,7 @@ def test_work_is_stored_energy(material):
 
 
 def test_radial_solution_of_small_strains_is_lames():
-    """A ring held inside and pulled outside: u = A R + B/R."""
+    """A ring fixed inside and pulled outside: u = A R + B/R."""
     law = Hencky(e=2.0, nu=0.3)
     a, b, pull = 10.0, 14.0, 1e-7
     lame, mu = law.e * law.nu / ((1 + law.nu) * (1 - 2 * law.nu)), law.initial_shear_modulus

@@ -13,7 +13,7 @@ from calfsocket.verification.report import Check, Figure, Section, Table
 
 @pytest.fixture
 def subjects(monkeypatch):
-    """Two subjects of our own; the value of their one check can be set."""
+    """Two custom subjects; the value of their one check can be set."""
     values = {"first": 1.0, "second": 2.0}
 
     def subject(name):

@@ -158,7 +158,7 @@ class Fault:
     words: tuple[Any, ...] = ("injected",)
 
     def owner(self) -> tuple[Any, str]:
-        """Give the module or class whose attribute the function is, and its name there."""
+        """Return the module or class whose attribute the function is, and its name there."""
         module, path = self.where.split(":")
         *parents, name = path.split(".")
         return functools.reduce(getattr, parents, importlib.import_module(module)), name
@@ -188,7 +188,7 @@ def inject(fault: Fault) -> None:
 
 
 def share_out(owners: tuple[int, int]) -> None:
-    """Give the limb to one rank and the socket to another; further ranks get nothing."""
+    """Place the limb on one rank and the socket on another; further ranks get nothing."""
     build, parts = section.build, {}
 
     def remember(*words: Any) -> Any:

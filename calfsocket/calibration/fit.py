@@ -65,7 +65,7 @@ class Fit:
 
     @property
     def alpha_at_limit(self) -> bool:
-        """Whether alpha ended at an end of its range, so that the curve asks for more."""
+        """Whether alpha is at a limit of its range, so that the curve asks for more."""
         alpha = self.law.alpha[0]
         return bool(np.isclose([SMALLEST_ALPHA, LARGEST_ALPHA], alpha, rtol=1e-2).any())
 
@@ -110,7 +110,7 @@ def fit_curve(
     names = ("mu", "alpha", "d1") if free_d else ("mu", "alpha")
     k = len(names)
     if len(reference) <= k:
-        raise InputError(f"points: {len(reference)}; give more than {k} for the fit")
+        raise InputError(f"points: are {len(reference)}; the fit needs more than {k}")
     largest = np.abs(reference).max()
     solved: dict[bytes, tuple[FloatArray, Any]] = {}
 

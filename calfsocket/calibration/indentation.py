@@ -62,7 +62,7 @@ class Indentation:
         self._states: dict[float, PETSc.Vec] = {}
 
     def set_laws(self, laws: Mapping[str, Law]) -> None:
-        """Give tissues other parameters of the laws that they have."""
+        """Replace the parameters of the laws that tissues have."""
         self.problem.set_laws(self._by_region(laws))
 
     def curve(
@@ -128,7 +128,7 @@ class Indentation:
             reached = max((step.load for step in taken if step.newton.converged), default=0.0)
             tried = (taken[-1].load - reached) * way
             raise SolveError(
-                f"{self.specimen.name}: no equilibrium within {tried:.3g} mm of the plate's way"
+                f"{self.specimen.name}: no equilibrium within {tried:.3g} mm of the plate's travel"
             ) from None
         self._cutbacks += sum(not step.newton.converged for step in stepper.steps[before:])
 

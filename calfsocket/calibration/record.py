@@ -132,7 +132,7 @@ def read_curves(folder: Path) -> tuple[FloatArray, dict[str, FloatArray]]:
             raise InputError(f"{path}: has no column '{name}'; calibrate again")
         numeric = pd.api.types.is_numeric_dtype(table[name])
         if table.empty or not numeric or not (table[name] > 0).all():
-            raise InputError(f"{path}: column '{name}' holds other than numbers above 0")
+            raise InputError(f"{path}: column '{name}' must contain only numbers above 0")
         return table[name].to_numpy()
 
     return column("displacement_mm"), {name: column(f"{name}_N_per_m") for name in LABELS}

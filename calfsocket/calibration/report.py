@@ -44,31 +44,36 @@ def record(calibration: Calibration, settings: Settings) -> CalibrationRecord:
     on_compound = settings.specimen == "compound"
     geometry = settings.compound if on_compound else settings.limb
     separate = separate_laws(settings)
-    return CalibrationRecord(
-        inputs={
-            **{name: getattr(settings, name) for name in ("specimen", "size", "points", "free_d")},
-            "geometry": geometry.model_dump(mode="json"),
-            "plate": settings.compound.plate if on_compound else LIMB_PLATE,
-            "cells": specimen.section.mesh.topology.index_map(2).size_global,
-            "stroke_mm": specimen.stroke,
-            "contact": settings.contact.model_dump(),
-            "nu": None if settings.free_d else NU,
-            "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
-        },
-        fits=[_fitted(fit) for fit in calibration.fits],
-        table1=_parameters(MUSCLE_AND_FASCIA),
-        deviation_from_separate={
-            name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
-        },
-        ordering=calibration.ordering(),
-        curves={
-            name: {
-                "negative_modes": curve.negative_modes.tolist(),
-                "newton_iterations": curve.newton_iterations,
-                "cutbacks": curve.cutbacks,
-            }
-            for name, curve in calibration.curves.items()
-        },
+    return CalibrationRecord.model_validate(
+        {
+            "inputs": {
+                "specimen": settings.specimen,
+                "size": settings.size,
+                "points": settings.points,
+                "free_d": settings.free_d,
+                "geometry": geometry.model_dump(mode="json"),
+                "plate": settings.compound.plate if on_compound else LIMB_PLATE,
+                "cells": specimen.section.mesh.topology.index_map(2).size_global,
+                "stroke_mm": specimen.stroke,
+                "contact": settings.contact.model_dump(),
+                "nu": None if settings.free_d else NU,
+                "laws": {tissue: law.model_dump(mode="json") for tissue, law in separate.items()},
+            },
+            "fits": [_fitted(fit) for fit in calibration.fits],
+            "table1": _parameters(MUSCLE_AND_FASCIA),
+            "deviation_from_separate": {
+                name: calibration.deviation(name) for name in (FITTED, TABLE1, IGNORED)
+            },
+            "ordering": calibration.ordering(),
+            "curves": {
+                name: {
+                    "negative_modes": curve.negative_modes.tolist(),
+                    "newton_iterations": curve.newton_iterations,
+                    "cutbacks": curve.cutbacks,
+                }
+                for name, curve in calibration.curves.items()
+            },
+        }
     )
 
 
@@ -94,7 +99,7 @@ def show(calibration: Calibration, console: Console) -> None:
     forces = pd.DataFrame(calibration.force_per_metre)[list(LABELS)].map("{:.1f}".format)
     forces.insert(0, "u, mm", [f"{u:.3g}" for u in calibration.displacement])
     off = [f"{100 * calibration.deviation(name):.1f} %" for name in list(LABELS)[1:]]
-    forces.loc[len(forces)] = ["rms off", "", *off]
+    forces.loc[len(forces)] = ["rms deviation", "", *off]
     _print(console, "Force of the plate, N per metre of limb", forces.rename(columns=LABELS))
 
     rows = []
@@ -106,7 +111,7 @@ def show(calibration: Calibration, console: Console) -> None:
         rows.append([start, *parameters, f"{100 * fit.rms:.2f} %"])
     paper = [f"{value:.3g}" for value in _parameters(MUSCLE_AND_FASCIA).values()]
     rows.append(["the paper's Table 1", *paper, f"{100 * calibration.deviation(TABLE1):.2f} %"])
-    columns = ["start mu, kPa; alpha", "mu, kPa", "alpha", "D1, 1/MPa", "rms off"]
+    columns = ["start mu, kPa; alpha", "mu, kPa", "alpha", "D1, 1/MPa", "rms deviation"]
     laws = pd.DataFrame(rows, columns=columns)
     _print(console, "Combined material of muscle and fascia", laws)
     for line in remarks(calibration):
@@ -122,7 +127,7 @@ def _print(console: Console, title: str, frame: pd.DataFrame) -> None:
 
 
 def remarks(calibration: Calibration) -> list[str]:
-    """Return remarks on what the fit is worth, and which of the paper's observations hold."""
+    """Return remarks on how good the fit is, and which of the paper's observations hold."""
     best = calibration.fits[0]
     lines = [
         f"correlation of mu and alpha {best.correlation[0, 1]:.3f}; ± is from the misfit of two "
@@ -130,7 +135,7 @@ def remarks(calibration: Calibration) -> list[str]:
     ]
     if best.alpha_at_limit:
         lines.append(
-            f"alpha ended at an end of its range ({best.law.alpha[0]:.3g}): the curve does not "
+            f"alpha is at a limit of its range ({best.law.alpha[0]:.3g}): the curve does not "
             "determine it"
         )
     lines.append(

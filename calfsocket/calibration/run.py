@@ -50,9 +50,9 @@ class Settings:
     def __post_init__(self) -> None:
         needed = 4 if self.free_d else 3
         if self.points < needed:
-            raise InputError(f"--points: {self.points}; the fit needs {needed} or more")
+            raise InputError(f"--points: is {self.points}; the fit needs at least {needed}")
         if self.stroke is not None and not 0 < self.stroke < np.inf:
-            raise InputError(f"--stroke: {self.stroke}; give a length above 0, in mm")
+            raise InputError(f"--stroke: is {self.stroke}; give a length above 0, in mm")
 
 
 @dataclass(frozen=True)

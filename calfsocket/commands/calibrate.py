@@ -118,10 +118,11 @@ def _start(word: str) -> "Ogden":
     try:
         mu, alpha = (float(part) for part in word.split(","))
     except ValueError:
-        raise InputError(f"--start: {word!r}; give mu in kPa and alpha, e.g. 5,5") from None
+        raise InputError(f"--start: is {word!r}; give mu in kPa and alpha, e.g. 5,5") from None
     if not (0 < mu < float("inf") and SMALLEST_ALPHA <= alpha <= LARGEST_ALPHA):
         raise InputError(
-            f"--start: {word!r}; give mu > 0 and alpha from {SMALLEST_ALPHA:g} to {LARGEST_ALPHA:g}"
+            f"--start: is {word!r}; give mu > 0 and alpha from {SMALLEST_ALPHA:g} to "
+            f"{LARGEST_ALPHA:g}"
         )
     return ogden(1e-3 * mu, alpha)
 

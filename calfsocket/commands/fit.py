@@ -84,7 +84,7 @@ def fit(arguments: Namespace) -> None:
     law = arguments.law
     terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1
     if law == "yeoh" and arguments.nu is not None:
-        raise InputError("--nu: Yeoh's law is incompressible; leave it out")
+        raise InputError("--nu: Yeoh's law is incompressible; omit it")
     nu = 0.495 if arguments.nu is None else arguments.nu
     chosen = family(law, terms)
     tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]

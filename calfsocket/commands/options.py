@@ -43,7 +43,7 @@ def friction_coefficient(word: str) -> float:
         coefficient = float(word)
         if 0 <= coefficient < math.inf:
             return coefficient
-    raise argparse.ArgumentTypeError(f"{word}; give a number of 0 or more")
+    raise argparse.ArgumentTypeError(f"'{word}' is not a number of 0 or more")
 
 
 FASCIA_C10 = option(
@@ -79,7 +79,7 @@ def material_files(words: Sequence[str], sets: Iterable["BaseSet"]) -> dict[str,
     for word in words:
         tissue, equals, file = word.partition("=")
         if not (equals and file):
-            raise InputError(f"--material: is '{word}'; write TISSUE=FILE.toml")
+            raise InputError(f"--material: is '{word}'; it must be TISSUE=FILE.toml")
         if tissue not in used:
             raise InputError(
                 f"--material {word}: no case has a tissue '{tissue}'; use one of {', '.join(used)}"
@@ -97,8 +97,8 @@ def select(names: Sequence[str], allowed: Sequence[Name], option: str) -> list[N
     for name in names:
         key = name.strip().lower()
         if key not in by_lower:
-            raise InputError(f"{option}: '{name}' is not one of {', '.join(allowed)}")
+            raise InputError(f"{option}: unknown name '{name}'; use {', '.join(allowed)}")
         if by_lower[key] in chosen:
-            raise InputError(f"{option}: '{name}' is given twice; give each once")
+            raise InputError(f"{option}: '{name}' is listed twice; list it once")
         chosen.append(by_lower[key])
     return [name for name in allowed if name in chosen]

@@ -57,7 +57,7 @@ def picture(arguments: Namespace) -> None:
     folder = arguments.folder
     if not (folder / RESULT_FILE).is_file():
         raise InputError(
-            f"picture: {folder} holds no {RESULT_FILE}; "
+            f"picture: {folder} contains no {RESULT_FILE}; "
             "name the folder of a solved case, e.g. results/TC_separate"
         )
     print(Result.load(folder).draw(folder))

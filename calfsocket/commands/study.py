@@ -181,7 +181,7 @@ def _read(arguments: Namespace) -> "Study":
 
 
 def set_options(petsc_options: Mapping[str, str]) -> None:
-    """Give PETSc the options of an earlier run, except those on the command line."""
+    """Set the PETSc options of an earlier run, except those on the command line."""
     from petsc4py import PETSc
 
     known = PETSc.Options()
@@ -195,11 +195,10 @@ def check_options(comm: Comm, arguments: Namespace) -> None:
     ranks = arguments.ranks_per_case
     if ranks is not None and not 1 <= ranks <= comm.size:
         raise InputError(
-            f"--ranks-per-case: is {ranks}; give 1 to {comm.size}, the number of ranks that mpirun "
-            "started"
+            f"--ranks-per-case: is {ranks}; it must be 1 to {comm.size}, the number of MPI ranks"
         )
     if arguments.resume and arguments.overwrite:
-        raise InputError("--resume, --overwrite: keep the results or replace them; give one")
+        raise InputError("--resume keeps results and --overwrite replaces them; use one of the two")
 
 
 def solve(comm: Comm, study: "Study", arguments: Namespace) -> int:
@@ -223,7 +222,7 @@ def solve(comm: Comm, study: "Study", arguments: Namespace) -> int:
         )
     except KeyboardInterrupt as interrupt:
         raise type(interrupt)(
-            f"interrupted; finished cases are complete in {out}, and the same command with "
+            f"interrupted; the finished cases are complete in {out}, and the same command with "
             "--resume continues"
         ) from None
     if comm.rank == 0:
@@ -238,10 +237,10 @@ def _finish(out: Path, arguments: Namespace, console: "Console") -> None:
     from calfsocket.study.runner import logged
 
     if arguments.profile:
-        with logged(f"no profile of {out}"):
+        with logged(f"the profile of {out} could not be made"):
             console.print(profile.table(out))
     if not arguments.no_report:
-        with logged(f"no report in {out}"):
+        with logged(f"the report in {out} could not be made"):
             log.info("report: %s", report.write(out))
 
 

@@ -31,14 +31,14 @@ def new(arguments: Namespace) -> None:
 
     path = arguments.file
     if path.suffix != ".toml":
-        raise InputError(f"new: {path}; give a name that ends in .toml")
+        raise InputError(f"new: {path}: use a name that ends in .toml")
     try:
         with path.open("x", encoding="utf-8") as file:  # never over a file that is there
             file.write(example())
     except FileExistsError:
-        raise InputError(f"new: {path} exists; name another file") from None
+        raise InputError(f"new: {path} already exists; choose another name") from None
     except OSError as error:
-        raise InputError(f"new: {path}: {error.strerror}; name another file") from None
+        raise InputError(f"new: {path}: {error.strerror}; choose another name") from None
     print(path)
 
 
@@ -89,12 +89,12 @@ def show(arguments: Namespace) -> None:
 
     path = arguments.out or Path(arguments.file.with_suffix(".png").name)
     if path.suffix != ".png":
-        raise InputError(f"--out {path}: is not a PNG; give a name that ends in .png")
+        raise InputError(f"--out {path}: pictures are PNG files; use a name that ends in .png")
     plan = Study.read(arguments.file).plan
     try:
         draw(plan, path)
     except OSError as error:
-        raise InputError(f"--out {path}: {error.strerror}; name another file") from None
+        raise InputError(f"--out {path}: {error.strerror}; choose another name") from None
     print(path)
 
 

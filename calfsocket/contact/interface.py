@@ -406,5 +406,5 @@ def surface_material(
     there = {names[tag] for part in section.mesh.comm.allgather(mine) for tag in part}
     if len({kind(laws[name]) for name in there}) != 1:
         found = sorted({laws[name].name for name in there})
-        raise InputError(f"{boundary}: laws {found} meet there; one is allowed")
+        raise InputError(f"{boundary}: has the laws {found}; it must have one law")
     return fields.of_region(there.pop())

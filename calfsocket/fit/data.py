@@ -18,10 +18,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calfsocket.fit.modes import MODES, Array, Mode
 from calfsocket.fit.stability import SCANNED
@@ -80,10 +79,11 @@ def read_test(path: Path, mode: Mode | None = None, measure: Measure | None = No
     stress = table.in_mpa(named) * area
     sd = table.in_mpa("stress_sd") * area if "stress_sd" in table.units else None
     if sd is not None:
-        table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or leave the column out")
+        table.refuse(sd <= 0, "stress_sd is 0 or less; give it above 0, or remove the column")
     if np.sum(stress * (stretch - 1)) <= 0:
-        raise InputError(
-            f"{path}: the stress does no work; give tension above 0 and compression below 0"
+        raise table.wrong(
+            "stress and strain have opposite signs; "
+            "tension must be positive and compression negative"
         )
     measure = measure or "engineering"
     return Test(table.path, table.title, table.sha256, mode, measure, stretch, stress, sd)
@@ -105,14 +105,12 @@ class _Table:
             if line.strip() and not line.startswith("#")
         ]
         if len(numbered) < 2:
-            raise InputError(f"{path}: holds no data; give a header and rows of numbers")
+            raise self.wrong("contains no data; give a header and rows of numbers")
         self.units = self._header(numbered[0][1])
         self.lines = [number for number, _ in numbered[1:]]
         for number, cells in numbered[1:]:
             if len(cells) != len(self.units):
-                raise InputError(
-                    f"{path}, line {number}: {len(cells)} cells; the header has {len(self.units)}"
-                )
+                raise self.wrong(f"{len(cells)} cells; the header has {len(self.units)}", number)
         columns = zip(*(cells for _, cells in numbered[1:]), strict=True)
         self.text = dict(zip(self.units, columns, strict=True))
 
@@ -120,9 +118,7 @@ class _Table:
         try:
             return next(csv.reader([line], skipinitialspace=True))
         except csv.Error as error:
-            raise InputError(
-                f"{self.path}, line {number}: cannot be split into cells ({error})"
-            ) from error
+            raise self.wrong(f"is not a CSV row ({error})", number) from error
 
     def _header(self, cells: list[str]) -> dict[str, str]:
         """Return the unit of each column."""
@@ -130,28 +126,32 @@ class _Table:
         for cell in cells:
             found = _HEADER.fullmatch(cell)
             if not found:
-                raise InputError(
-                    f"{self.path}: column {cell.strip()!r} cannot be read; write NAME or "
-                    "NAME [UNIT], e.g. stress [kPa]"
+                raise self.wrong(
+                    f"column {cell.strip()!r} cannot be read; write NAME or NAME [UNIT], "
+                    "e.g. stress [kPa]"
                 )
             if found[1] not in _COLUMNS:
                 hint = nearest(found[1], _COLUMNS)
-                raise InputError(f"{self.path}: column {cell.strip()!r} is unknown; {hint}")
+                raise self.wrong(f"column {cell.strip()!r} is unknown; {hint}")
             if found[1] in columns:
-                raise InputError(f"{self.path}: column {found[1]} is given twice; keep one")
+                raise self.wrong(f"column {found[1]} appears twice; keep one")
             columns[found[1]] = (found[2] or "").strip()
         for wanted in (("stretch", "strain"), tuple(_STRESSES)):
             number = sum(name in columns for name in wanted)
             if number != 1:
                 what = "no column" if number == 0 else "more than one column"
-                raise InputError(f"{self.path}: {what} of {', '.join(wanted)}; give one of them")
+                raise self.wrong(f"{what} of {', '.join(wanted)}; give one of them")
         return columns
 
-    def refuse(self, bad: NDArray[np.bool_] | Iterable[bool], what: str) -> None:
+    def wrong(self, what: str, line: int = 0) -> InputError:
+        """Return the error that names the file, and the line if there is one."""
+        return InputError(f"{self.path}{f', line {line}' if line else ''}: {what}")
+
+    def refuse(self, bad: Iterable[Any], what: str) -> None:
         """Refuse the first row that is bad."""
         for line, is_bad in zip(self.lines, bad, strict=True):
             if is_bad:
-                raise InputError(f"{self.path}, line {line}: {what}")
+                raise self.wrong(what, line)
 
     def numbers(self, name: str) -> Array:
         """Return a column of finite numbers, in the file's unit."""
@@ -162,9 +162,7 @@ class _Table:
             except ValueError:
                 values.append(np.nan)
             if not np.isfinite(values[-1]):
-                raise InputError(
-                    f"{self.path}, line {line}: {name} is {cell.strip()!r}; give a finite number"
-                )
+                raise self.wrong(f"{name} is {cell.strip()!r}; give a finite number", line)
         return np.array(values)
 
     def in_mpa(self, name: str) -> Array:
@@ -172,7 +170,7 @@ class _Table:
         try:
             factor = STRESS.factor(self.units[name])
         except ValueError as error:
-            raise InputError(f"{self.path}: {name}: {error}, e.g. `{name} [kPa]`") from error
+            raise self.wrong(f"{name}: {error}, e.g. `{name} [kPa]`") from error
         return self.numbers(name) * float(factor)
 
     def stretch(self) -> Array:
@@ -181,10 +179,8 @@ class _Table:
         allowed = _STRAIN_UNITS if name == "strain" else {"": 1.0, "-": 1.0}
         unit = self.units[name]
         if unit not in allowed:
-            raise InputError(
-                f"{self.path}: {name}: unit {unit!r} is unknown; "
-                f"use {' or '.join(filter(None, allowed))}"
-            )
+            use = " or ".join(filter(None, allowed))
+            raise self.wrong(f"{name}: unit {unit!r} is unknown; use {use}")
         values = self.numbers(name) * allowed[unit] + (name == "strain")
         low, high = SCANNED
         self.refuse(
@@ -208,7 +204,8 @@ class _Table:
         self.refuse([mode not in MODES for mode in found], f"mode is unknown; use one of {allowed}")
         self.refuse(
             [mode != found[0] for mode in found],
-            f"mode changes from {found[0]}; give each test a file of its own, and all files to fit",
+            f"mode changes from {found[0]}; put each test in a separate file, "
+            "and give all files to `fit`",
         )
         return next(mode for mode in MODES if mode == found[0])
 
@@ -218,5 +215,7 @@ def _agree(
 ) -> Choice | None:
     """Return what the file says, else what the option says; they must not contradict each other."""
     if read and asked and read != asked:
-        raise InputError(f"{path}: {place} says {read}, {option} says {asked}; let them agree")
+        raise InputError(
+            f"{path}: {place} says {read}, but {option} says {asked}; make them the same"
+        )
     return read or asked

@@ -9,7 +9,7 @@ from calfsocket.fit.regression import LEVEL, Fit
 from calfsocket.fit.stability import StableRange
 
 CONDITION_LIMIT = 1e6
-"""Condition number above which terms do each other's work: variances go with its square, so that
+"""Condition number above which terms are nearly redundant: variances go with its square, so that
 twelve of their sixteen digits are lost."""
 
 
@@ -38,12 +38,12 @@ def _searches(fit: Fit) -> list[str]:
             for name, values in zip(fit.family.exponents, zip(*sets, strict=True), strict=True)
         ]
         found.append(
-            f"{len(fit.minima)} sets of parameters fit as well as the noise can tell "
+            f"{len(fit.minima)} sets of parameters fit equally well within the noise "
             f"({', '.join(ranges)}); the one of the smallest residual is given."
         )
     if fit.condition > CONDITION_LIMIT:
         found.append(
-            f"Terms do each other's work (condition number {fit.condition:.0e}); take fewer."
+            f"Terms are nearly redundant (condition number {fit.condition:.0e}); use fewer."
         )
     return found
 
@@ -71,8 +71,8 @@ def _patterns(fit: Fit) -> list[str]:
         ratio = np.sum(np.diff(residual) ** 2) / np.sum(residual**2)
         if (2 - ratio) * np.sqrt(len(residual)) / 2 > stats.norm.ppf(LEVEL):
             found.append(
-                f"The residuals of {test.path.name} follow a pattern: the law has another shape "
-                "than the data, and intervals are too narrow."
+                f"The residuals of {test.path.name} follow a pattern: the law cannot follow the "
+                "data, and intervals are too narrow."
             )
     return found
 
@@ -89,13 +89,13 @@ def _parameters(fit: Fit) -> list[str]:
     if fit.at_bound.any():
         found.append(
             f"At a bound, and so without an interval: {', '.join(names[fit.at_bound])}; "
-            "take fewer terms."
+            "use fewer terms."
         )
     with np.errstate(invalid="ignore"):
         loose = np.abs(fit.parameters) < fit.half_widths()
     if loose.any():
         found.append(
-            f"Not determined, since the {LEVEL:.0%} interval holds 0: {', '.join(names[loose])}."
+            f"Not determined, since the {LEVEL:.0%} interval contains 0: {', '.join(names[loose])}."
         )
     return found
 

@@ -86,7 +86,9 @@ def family(law: str, terms: int) -> Family:
     """
     most = 1 if law == "neo-hookean" else MAX_TERMS
     if not 1 <= terms <= most:
-        raise InputError(f"--terms {terms}: {law} has 1{f' to {most}' if most > 1 else ''}")
+        raise InputError(
+            f"--terms: is {terms}; for {law} it must be 1{f' to {most}' if most > 1 else ''}"
+        )
     numbers = range(1, terms + 1)
     count = f"{terms} term{'s' if terms > 1 else ''}"
     match law:
@@ -104,7 +106,7 @@ def family(law: str, terms: int) -> Family:
             )
         case "neo-hookean":
             return Family("neo-Hookean", Ogden, _neo_hookean, ("mu",))
-    raise InputError(f"--law {law}: use one of {', '.join(LAWS)}")
+    raise InputError(f"--law: unknown law '{law}'; use one of {', '.join(LAWS)}")
 
 
 def _yeoh(coefficients: Array, _: Array) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from calfsocket.io.files import replacing
 COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:red", "tab:brown")
 
 BEYOND = 0.2
-"""Share of the data's range of stretches by which curves go on beyond it, dotted."""
+"""Share of the data's range of stretches by which curves continue beyond it, dotted."""
 
 WIDTH = 50
 """Letters in a line beside the curves."""

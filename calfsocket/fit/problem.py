@@ -37,7 +37,10 @@ class Problem:
         given = [test.sd for test in tests if test.sd is not None]
         if given and len(given) < len(tests):
             without = next(test.path for test in tests if test.sd is None)
-            raise InputError(f"{without}: has no column stress_sd, another file has; let all agree")
+            raise InputError(
+                f"{without}: has no column stress_sd, but another file does; give it in all "
+                "files or in none"
+            )
         self.known_sd = bool(given)
         largest = np.full_like(self.measured, np.max(np.abs(self.measured)))
         self.weight = 1.0 / (np.concatenate(given) if given else largest)
@@ -45,7 +48,7 @@ class Problem:
         n_parameters = len(family.names)
         if len(distinct) <= n_parameters:
             raise InputError(
-                f"{self.files}: {len(distinct)} stretches other than 1; {family.title} has "
+                f"{self.files}: {len(distinct)} stretches other than 1, but {family.title} has "
                 f"{n_parameters} parameters: give at least {n_parameters + 1} stretches"
             )
 

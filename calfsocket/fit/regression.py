@@ -106,7 +106,7 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
     if not converged:
         raise InputError(
             f"{problem.files}: none of {len(ends)} searches for {family.title} converged; "
-            "take fewer terms or another law"
+            "use fewer terms or another law"
         )
     minima = _distinct(problem, converged)
     best = minima[0]
@@ -114,8 +114,8 @@ def fit(family: Family, tests: Sequence[Test], nu: float = 0.495, free_signs: bo
         law = family.law(best.parameters, nu)
     except InputError as error:
         raise InputError(
-            f"{problem.files}: the best {family.title} is no stable law ({error}); take other "
-            f"terms or another law{', or leave --free-signs out' if free_signs else ''}"
+            f"{problem.files}: the best fit of {family.title} is not stable ({error}); use other "
+            f"terms or another law{', or omit --free-signs' if free_signs else ''}"
         ) from None
     free = _free(problem, best.parameters)
     n_free = int(np.count_nonzero(free))
@@ -161,7 +161,7 @@ def _distinct(problem: Problem, ends: Sequence[Array]) -> list[Minimum]:
 
 
 def _free(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
-    """Tell which parameters are not at a bound; a term of zero has no exponent either."""
+    """Return which parameters are not at a bound; a term of zero has no exponent either."""
     coefficients, exponents = problem.family.split(parameters)
     there = np.ones(len(coefficients), dtype=bool) if problem.free_signs else coefficients > 0
     inside = np.abs(exponents) < ALPHA_MAX * (1 - SAME)

@@ -58,7 +58,7 @@ class WriteError(CalfsocketError, OSError):
 
 
 def in_one_line(error: BaseException) -> str:
-    """Say in one line what happened; errors that nobody foresaw with their kind."""
+    """Return an error in one line; one that the package did not raise itself with its type."""
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         return f"out of memory{text and ': '}{text}; use a coarser mesh or fewer ranks at a time"

@@ -20,7 +20,7 @@ _UNFINISHED = ".unfinished-"
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path in the folder of `path`; at the end it takes the place of `path`.
+    """Yield a temporary path in the folder of `path`; at the end it takes the place of `path`.
 
     If the body fails, `path` stays as it was.
 
@@ -48,7 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _temporary(path: Path) -> Iterator[Path]:
-    """Give an empty file beside `path`, locked as long as this process lives and needs it."""
+    """Yield an empty file beside `path`, locked as long as this process lives and needs it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=_UNFINISHED, suffix=path.suffix)
     temporary = Path(name)
@@ -70,7 +70,7 @@ def remove_unfinished(folder: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock; other processes that ask for it wait."""
+    """Lock the folder; other processes that ask for it wait."""
     folder.mkdir(parents=True, exist_ok=True)
     # The lock file stays: removing it would let two processes lock two different files.
     with (folder / ".lock").open("a") as file:

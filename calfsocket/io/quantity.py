@@ -41,10 +41,6 @@ class Written:
             return self.dimension.parse(value)
         return value
 
-    def text(self, value: float) -> str:
-        """Write a value as files have it, in the unit of the example, to its last digit."""
-        return self.dimension.text(value, self.example.split()[-1])
-
     def _write(self, value: float, info: core_schema.SerializationInfo) -> float | str:
         units = (info.context or {}).get("units")
         if units is None:

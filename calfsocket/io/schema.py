@@ -41,7 +41,7 @@ class Strict(BaseModel):
             raise InputError(f"{type(self).__name__}: {first_problem(values, error)}") from None
 
     # A model with an __init__ of its own would be built through it inside other models, too, and
-    # their errors would lose the place: pydantic tells the two apart by this attribute.
+    # their errors would lose the place: pydantic distinguishes the two by this attribute.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="before")
@@ -84,7 +84,7 @@ def _parsing(path: Path) -> Iterator[None]:
     except ValueError as error:  # another format, a repeated key, a number of 5000 digits
         raise InputError(f"{path}: {error}") from error
     except RecursionError as error:
-        raise InputError(f"{path}: is nested too deeply") from error
+        raise InputError(f"{path}: has too many levels of nesting") from error
 
 
 def check_readable(path: Path, most: int = MAX_BYTES) -> None:
@@ -101,10 +101,10 @@ def check_readable(path: Path, most: int = MAX_BYTES) -> None:
     except ValueError as error:  # a NUL in its name
         raise InputError(f"{str(path)!r}: cannot be read ({error})") from error
     if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{path}: is no file; give the name of one")
+        raise InputError(f"{path}: is not a regular file; name a file")
     if status.st_size > most:
         raise InputError(
-            f"{path}: has {status.st_size / 1e6:.3g} MB; at most {most / 1e6:g} MB are read"
+            f"{path}: is {status.st_size / 1e6:.4g} MB; files up to {most / 1e6:g} MB are accepted"
         )
 
 
@@ -145,7 +145,8 @@ def checked(
         return model.model_validate(content, context={"units_required": units_required})
     except UnicodeEncodeError as error:  # in a key; in a text it is a ValidationError
         raise InputError(
-            f"{path}: {error.object!r} holds half a character; write it whole"
+            f"{path}: {error.object!r} contains an invalid character (half of a surrogate pair); "
+            "retype it"
         ) from error
     except ValidationError as error:
         raise InputError(f"{path}: {origin}{first_problem(content, error)}") from None
@@ -169,20 +170,20 @@ _PLAIN = {
     "float_parsing": _NUMBER,
     "tuple_type": _LIST,
     "list_type": _LIST,
-    "string_pattern_mismatch": "Input should be a name of at most 40 letters, digits, and . _ + - "
-    "within, which begins with a letter or digit",
+    "string_pattern_mismatch": "Input should be a name of up to 40 letters, digits and . _ + - "
+    "that begins with a letter or a digit",
 }
 """Words for what pydantic says to programmers, by its name of the error."""
 
 
 def _message(error: dict[str, Any]) -> str:
-    """Say what a value is and must be, where pydantic says only the latter."""
+    """Return what a value is and must be; pydantic has only the latter."""
     text: str = error["msg"]
     if error["type"] == "missing":
         return "is missing; add it"
     if error["type"] == "value_error":
         return text.removeprefix("Value error, ")
-    if text.startswith("is no "):
+    if text.startswith("is not "):
         return text
     if error["type"].startswith("union_tag"):
         context = error["ctx"]
@@ -218,10 +219,10 @@ def place_in(content: Any, parts: tuple[int | str, ...], missing: bool) -> str:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse keys that stand twice in one object; JSON readers would silently take the last."""
+    """Refuse keys that appear twice in one object; JSON readers would silently take the last."""
     content: dict[str, Any] = {}
     for key, value in pairs:
         if key in content:
-            raise ValueError(f"key '{key}' stands twice in one object; keep one")
+            raise ValueError(f"key '{key}' appears twice in one object; keep one")
         content[key] = value
     return content

@@ -57,7 +57,7 @@ def _read_table(path: Path, key: Sequence[str]) -> pd.DataFrame:
         table[key]
     except (ValueError, KeyError) as error:
         raise WriteError(
-            f"{path}: is not the table that was written there; move it away, or restore it "
+            f"{path}: is not the table that this run wrote; move it away, or restore it "
             f"({in_one_line(error)})"
         ) from None
     return table

@@ -29,7 +29,7 @@ class Dimension:
     def factor(self, unit: str) -> Decimal:
         """Return how many internal units a unit is; a ValueError names those that are allowed."""
         if unit not in self.allowed:
-            raise ValueError(f"unit {unit!r} is unknown; use one of {', '.join(self.allowed)}")
+            raise ValueError(f"unit {unit!r} is unknown; use {', '.join(self.allowed)}")
         return _registry().Quantity(Decimal(1), unit).to(self.internal).magnitude
 
     def parse(self, text: object) -> float:
@@ -37,7 +37,7 @@ class Dimension:
         found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
         if not found:
             example = f'"12 {self.allowed[0]}"'
-            raise ValueError(f"{text!r} is no number with a unit; write e.g. {example}")
+            raise ValueError(f"{text!r} is not a number with a unit; write e.g. {example}")
         return float(Decimal(found[1]) * self.factor(found[2] or ""))
 
     def json_schema(self, example: str) -> dict[str, object]:

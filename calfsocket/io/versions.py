@@ -13,7 +13,7 @@ PACKAGES = ("fenics-dolfinx", "fenics-ufl", "fenics-basix", "numpy", "scipy", "p
 
 
 def versions() -> dict[str, str]:
-    """Version of each package by its name; "unknown" where it does not tell."""
+    """Version of each package by its name; "unknown" where the package has none."""
     found = {"calfsocket": calfsocket.__version__, "python": platform.python_version()}
     for package in PACKAGES:
         try:

@@ -23,16 +23,8 @@ def kind(law: Law) -> Kind:
 class LawFields:
     """Parameters of the laws of a mesh, constant in each cell (collective).
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Distributed mesh.
-    cell_tags : MeshTags
-        Region of every cell.
-    regions : mapping of str to int
-        Tag of each region.
-    region_laws : mapping of str to Law
-        Law of each region that has cells.
+    `cell_tags` has the region of every cell, `regions` the tag of each region, and `region_laws`
+    the law of each region that has cells.
 
     Attributes
     ----------
@@ -134,9 +126,9 @@ def _law_of_region(
     untagged = mesh.comm.allreduce(cells.size_local - n_local)
     if untagged:
         raise InputError(f"mesh: {untagged} cells belong to no region; tag every cell")
-    gathered = mesh.comm.allgather(np.unique(cell_tags.values).tolist())
+    collected = mesh.comm.allgather(np.unique(cell_tags.values).tolist())
     names = {tag: name for name, tag in regions.items()}
-    found = {tag: names[tag] for tag in sorted(set().union(*gathered))}
+    found = {tag: names[tag] for tag in sorted(set().union(*collected))}
     missing = [name for name in found.values() if name not in region_laws]
     if missing:
         raise InputError(f"region_laws: no law for {', '.join(missing)}; give each region one")

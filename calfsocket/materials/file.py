@@ -31,10 +31,6 @@ from calfsocket.materials.laws import IN_FILES, AnyLaw, Law
 Provenance = Mapping[str, str | bool | int | float | Sequence[str | int | float]]
 
 
-class _Content(RootModel[AnyLaw]):
-    """A law's table."""
-
-
 def read_material(path: Path) -> Law:
     """Read a material file.
 
@@ -60,8 +56,9 @@ def law_in(path: Path, content: Mapping[str, Any]) -> Law:
         raise InputError(f"{path}: provenance: is {provenance!r}; it must be a table")
     table = {key: value for key, value in content.items() if key != "provenance"}
     if "law" not in table:
-        raise InputError(f"{path}: law is missing; give one of {', '.join(IN_FILES)}")
-    return cast(Law, checked(path, table, _Content).root)  # a neo-Hookean one has become Ogden's
+        raise InputError(f"{path}: law is missing; add one of {', '.join(IN_FILES)}")
+    # A neo-Hookean one has become Ogden's.
+    return cast(Law, checked(path, table, RootModel[AnyLaw]).root)
 
 
 def write_material(path: Path, law: Law, provenance: Provenance) -> None:
@@ -91,5 +88,4 @@ def _key(name: str) -> str:
 def _toml(value: Any) -> str:
     """Write a text, a number or a list of them as TOML, of which JSON's notation is a part."""
     # JSON leaves DEL alone, which TOML wants escaped.
-    plain = list(value) if isinstance(value, tuple) else value
-    return json.dumps(plain, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

@@ -168,11 +168,11 @@ class Law(Strict):
     @classmethod
     def units(cls) -> dict[str, str]:
         """Return the unit of each number among the parameters; "" without dimension."""
-        found: dict[str, str] = {}
-        for name, field in cls.model_fields.items():
-            if not field.exclude and _holds(float, field.annotation):
-                found[name] = _unit(field)
-        return found
+        return {
+            name: _unit(field)
+            for name, field in cls.model_fields.items()
+            if not field.exclude and _holds(float, field.annotation)
+        }
 
     def texts(self) -> dict[str, Any]:
         """Parameters as files have them, stresses in kPa where the law is soft; lossless."""

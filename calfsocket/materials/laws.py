@@ -25,7 +25,7 @@ LAWS: dict[str, type[Law]] = {"ogden": Ogden, "yeoh": Yeoh, "hencky": Hencky}
 """Laws by name."""
 
 AnyLaw = Annotated[Ogden | NeoHookean | Yeoh | Hencky, Field(discriminator="law")]
-"""A law as files have it: the key `law` tells which."""
+"""A law as files have it: the key `law` names it."""
 
 IN_FILES = (*LAWS, "neo-hookean")
 """What files may give as `law`."""

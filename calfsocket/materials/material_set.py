@@ -71,8 +71,8 @@ class MaterialSet:
         soft = [*(self.laws[self.material(tissue)] for tissue in SOFT_TISSUES)]
         if all(law.bulk_modulus == inf for law in (*soft, *self.regions.values())):
             raise InputError(
-                "every soft tissue is incompressible, and a socket takes some of the limb's area; "
-                "give at least one nu < 0.5 or d1 > 0"
+                "every soft tissue is incompressible, but the socket reduces the limb's area; "
+                "give at least one tissue nu < 0.5 or d1 > 0"
             )
 
     @classmethod
@@ -141,9 +141,7 @@ class MaterialSet:
         regions = _reference_regions() if limb_regions is None else tuple(limb_regions)
         for name in laws:
             if name not in self.laws and name not in regions:
-                raise InputError(
-                    f"material set {self.name}: {_unknown(name, list(self.laws), regions)}"
-                )
+                raise self._unknown(name, regions)
         by_tissue = {name: law for name, law in laws.items() if name in self.laws}
         by_region = {name: law for name, law in laws.items() if name not in self.laws}
         return replace(self, laws={**self.laws, **by_tissue}, regions={**self.regions, **by_region})
@@ -179,23 +177,20 @@ class MaterialSet:
         """
         for name in self.regions:
             if name not in limb_regions:
-                raise InputError(
-                    f"material set {self.name}: {_unknown(name, list(self.laws), limb_regions)}"
-                )
+                raise self._unknown(name, limb_regions)
         of_tissue = self.tissue_laws()
         return {
             region: self.regions.get(region, of_tissue[tissue])
             for region, tissue in {**limb_regions, "socket": "socket"}.items()
         }
 
-
-def _unknown(name: str, known: list[str], regions: Iterable[str]) -> str:
-    """Message about a name that is neither a tissue nor a region."""
-    several = [*known, *regions]
-    hint = nearest(name, several)
-    if not hint.startswith("did you mean"):
-        hint = f"allowed: {', '.join(known)}, or a region, e.g. {several[-1]}"
-    return f"no tissue or region '{name}'; {hint}"
+    def _unknown(self, name: str, regions: Iterable[str]) -> InputError:
+        """Return the error about a name that is neither a tissue nor a region."""
+        several = [*self.laws, *regions]
+        hint = nearest(name, several)
+        if not hint.startswith("did you mean"):
+            hint = f"allowed: {', '.join(self.laws)}, or a region, e.g. {several[-1]}"
+        return InputError(f"material set {self.name}: no tissue or region '{name}'; {hint}")
 
 
 @cache

@@ -80,11 +80,11 @@ class Ogden(Law):
     def _check(self) -> "Ogden":
         if not self.mu or len(self.mu) != len(self.alpha):
             raise ValueError(
-                f"{len(self.mu)} mu and {len(self.alpha)} alpha; "
-                "give one of each a term, and at least one term"
+                f"mu has length {len(self.mu)}, alpha {len(self.alpha)}; "
+                "give one mu and one alpha for each term, and at least one term"
             )
         if 0 in self.alpha:
-            raise ValueError("alpha is 0; it must be another number")
+            raise ValueError("alpha is 0; it must not be 0")
         mu = self.initial_shear_modulus
         if not (mu > 0 and math.isfinite(mu)):
             raise ValueError(f"initial shear modulus is {mu:g} MPa; it must be greater than 0")
@@ -122,18 +122,20 @@ class Ogden(Law):
 
     def energy(self, stretches: Array) -> Any:
         """sum_i f_i (sum_k lb_k^alpha_i - 3), MPa."""
-        lb, terms = deviatoric(stretches), zip(self.mu, self.alpha, strict=True)
-        return sum(self._factor(m, a) * (np.sum(lb**a, axis=0) - 3) for m, a in terms)
+        lb = deviatoric(stretches)
+        return sum(f * (np.sum(lb**a, axis=0) - 3) for f, a in self._terms)
 
     def kirchhoff(self, stretches: Array) -> Array:
         """sum_i f_i alpha_i (lb_k^alpha_i - mean_k lb_k^alpha_i), MPa; (3, ...)."""
-        lb, terms = deviatoric(stretches), zip(self.mu, self.alpha, strict=True)
-        return np.asarray(
-            sum(self._factor(m, a) * a * (lb**a - np.mean(lb**a, axis=0)) for m, a in terms)
-        )
+        lb = deviatoric(stretches)
+        return np.asarray(sum(f * a * (lb**a - np.mean(lb**a, axis=0)) for f, a in self._terms))
 
-    def _factor(self, mu: float, alpha: float) -> float:
-        return 2 * mu / alpha**2 if self.form == "abaqus" else mu / alpha
+    @property
+    def _terms(self) -> list[tuple[float, float]]:
+        """Factor f_i, MPa, and exponent of each term."""
+        abaqus = self.form == "abaqus"
+        pairs = zip(self.mu, self.alpha, strict=True)
+        return [(2 * mu / a**2 if abaqus else mu / a, a) for mu, a in pairs]
 
 
 def neo_hookean(mu: float, *, d1: float | None = None, nu: float | None = None) -> Ogden:

@@ -48,7 +48,7 @@ class FoundationTerm:
         self.set_load(0.0)
 
     def set_load(self, load: float) -> None:
-        """Let what fades fall to its stiffness at a load, 0 to 1."""
+        """Reduce the fading part to its stiffness at a load, 0 to 1."""
         self._load = load
         self.stiffness.x.array[:] = self._lasting + (1.0 - load) * self._fading
         self.anchor.x.array[:] = self._rest if load < 1.0 else 0.0

@@ -62,8 +62,8 @@ class LoadSteps(Strict):
     def _in_order(self) -> "LoadSteps":
         if not self.smallest <= self.first <= self.largest:
             raise ValueError(
-                f"smallest {self.smallest:g}, first {self.first:g} and largest {self.largest:g} "
-                "must not fall in this order"
+                f"smallest {self.smallest:g}, first {self.first:g}, largest {self.largest:g}: they "
+                "must satisfy smallest <= first <= largest"
             )
         return self
 

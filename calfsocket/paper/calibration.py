@@ -1,5 +1,6 @@
 """The calibration of the combined material beside a study, read from its folder: Figure 3."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,14 @@ from calfsocket.calibration.names import (
     SEPARATE,
     TABLE1,
 )
-from calfsocket.calibration.record import CalibrationRecord, CombinedLaw, deviation, read_curves
+from calfsocket.calibration.record import (
+    CalibrationRecord,
+    CombinedLaw,
+    FittedLaw,
+    FloatArray,
+    deviation,
+    read_curves,
+)
 from calfsocket.io.errors import InputError
 from calfsocket.report.chapters import Drawn
 from calfsocket.report.table import TOGETHER, Table, number
@@ -34,44 +42,20 @@ class NoCalibration(InputError):
     """There is no calibration beside the study; the text says how to get one."""
 
 
+@dataclass(frozen=True)
 class Calibration:
-    """A calibration: its inputs, the law found, and forces over displacement.
+    """A calibration as its folder has it."""
 
-    Attributes
-    ----------
-    inputs : Inputs
-        Of the test.
-    fit : FittedLaw
-        The best of the fits.
-    table1 : CombinedLaw
-        The paper's.
-    unstable : tuple of str
-        Curves with an unstable equilibrium.
-    displacement : (n,) array
-        Of the plate, mm.
-    force : dict of str to (n,) array
-        `SEPARATE`, `FITTED`, `TABLE1`, `IGNORED` -> force, N per metre of limb.
-    figure : Drawn
-        Figure 3.
-    """
+    record: CalibrationRecord
+    force: dict[str, FloatArray]
+    """Curve -> forces over displacement, N per metre of limb."""
+    figure: Drawn
+    """Figure 3."""
 
-    def __init__(self, folder: Path) -> None:
-        """Read a calibration's folder.
-
-        Raises
-        ------
-        InputError
-            When a file is missing or cannot be used.
-        """
-        record = CalibrationRecord.read(folder)
-        self.inputs, self.fit, self.table1 = record.inputs, record.fits[0], record.table1
-        self.unstable = tuple(
-            name for name, curve in record.curves.items() if any(curve.negative_modes)
-        )
-        self.displacement, self.force = read_curves(folder)
-        files = (folder / f"{FIGURE}.png", folder / f"{FIGURE}.pdf")
-        self.figure = Drawn(NAME, TITLE, CAPTION, NUMBER, *files)
-        _check_figure(self.figure)
+    @property
+    def fit(self) -> FittedLaw:
+        """The best of the fits."""
+        return self.record.fits[0]
 
     def deviation_pct(self, name: str) -> float:
         """Root mean square difference of a curve to Separate's, % of its largest force."""
@@ -94,37 +78,32 @@ def read_calibration(study: Path) -> Calibration:
             "needs the calibration of the combined material: solve `python3 -m calfsocket "
             f"calibrate --out FOLDER/{FOLDER}`, FOLDER being this study's, and report again"
         )
-    return Calibration(folder)
-
-
-def _check_figure(figure: Drawn) -> None:
+    record = CalibrationRecord.read(folder)
+    _, force = read_curves(folder)
+    png, pdf = folder / f"{FIGURE}.png", folder / f"{FIGURE}.pdf"
     try:
-        with Image.open(figure.png) as image:
+        with Image.open(png) as image:
             image.load()
     except (OSError, SyntaxError) as error:
-        raise InputError(f"{figure.png}: cannot be read ({error}); calibrate again") from None
-    if not figure.pdf.is_file():
-        raise InputError(f"{figure.pdf}: is missing; calibrate again")
+        raise InputError(f"{png}: cannot be read ({error}); calibrate again") from None
+    if not pdf.is_file():
+        raise InputError(f"{pdf}: is missing; calibrate again")
+    return Calibration(record, force, Drawn(NAME, TITLE, CAPTION, NUMBER, png, pdf))
 
 
 def table(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> Table:
     """Return the laws compared, and how far their curves are from Separate's.
 
-    Parameters
-    ----------
-    calibration : Calibration
-        To show.
-    laws : dict
-        Laws of the study's Separate set, tissue by tissue, which a note compares.
+    `laws` are those of the study's Separate set, tissue by tissue, which a note compares.
     """
-    inputs, fit = calibration.inputs, calibration.fit
+    inputs, fit = calibration.record.inputs, calibration.fit
     muscle = inputs.laws.get("muscle", {})
     sd = fit.deviation_pct
     law = set(CombinedLaw.model_fields)
     rows: list[dict[str, Any]] = [
         {"curve": SEPARATE},
         {"curve": FITTED, "mu_sd_pct": sd[0], "alpha_sd_pct": sd[1], **fit.model_dump(include=law)},
-        {"curve": TABLE1, **calibration.table1.model_dump()},
+        {"curve": TABLE1, **calibration.record.table1.model_dump()},
         {"curve": IGNORED},
     ]
     if muscle.get("law") == "ogden" and len(muscle["mu"]) == 1:
@@ -141,11 +120,9 @@ def table(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> Table:
         {
             "mu, kPa": _with_deviation(data.mu_kPa, data.mu_sd_pct),
             "alpha": _with_deviation(data.alpha, data.alpha_sd_pct),
-            "D1, 1/MPa": [number(value) for value in data.d1_per_MPa],
-            "off Separate, %": [number(value) for value in data.rms_off_separate_pct],
-            f"force at {inputs.stroke_mm:g} mm, N/m": [
-                number(value) for value in data.largest_force_N_per_m
-            ],
+            "D1, 1/MPa": data.d1_per_MPa.map(number),
+            "off Separate, %": data.rms_off_separate_pct.map(number),
+            f"force at {inputs.stroke_mm:g} mm, N/m": data.largest_force_N_per_m.map(number),
         }
     )
     shown.index = pd.Index([LABELS[name] for name in data.curve])
@@ -174,17 +151,18 @@ def _with_deviation(values: pd.Series, deviations: pd.Series) -> list[str]:
 
 
 def _notes(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> list[str]:
-    """Return remarks on what the fit is worth."""
+    """Return how good the fit is, in words."""
     notes = []
     if calibration.fit.alpha_at_limit:
         notes.append(
-            f"alpha ended at an end of its range ({number(calibration.fit.alpha)}): the curve "
+            f"alpha is at a limit of its range ({number(calibration.fit.alpha)}): the curve "
             "does not determine it."
         )
-    if calibration.unstable:
-        names = ", ".join(LABELS.get(name, name) for name in calibration.unstable)
-        notes.append(f"Unstable at some displacement: {names}.")
-    test = calibration.inputs.laws
+    curves = calibration.record.curves
+    unstable = [LABELS.get(name, name) for name in curves if any(curves[name].negative_modes)]
+    if unstable:
+        notes.append(f"Unstable at some displacement: {', '.join(unstable)}.")
+    test = calibration.record.inputs.laws
     differ = [tissue for tissue in laws if tissue in test and test[tissue] != laws[tissue]]
     if differ:
         notes.append(f"Calibrated with other laws than this study's: {', '.join(differ)}.")

@@ -24,7 +24,7 @@ def tables(findings: Findings) -> list[Table]:
     """Return the tables of verdicts by variant; none for a study without variants."""
     of = variants(findings.study)
     boards = {
-        name: scoreboard(Evidence(Findings(results.only(CASES), findings.thresholds)))
+        name: scoreboard(Evidence(results.only(CASES), findings.thresholds))
         for name, results in of.items()
     }
     return [_counts(boards), _claims(claims(boards))] if boards else []
@@ -36,7 +36,7 @@ def _counts(boards: Mapping[str, pd.DataFrame]) -> Table:
         "verdicts_by_variant",
         "Claims on results under each choice",
         "One choice is changed at a time, so that a difference from the base has one cause; all "
-        "combinations would be 16 studies and tell little more. The one combination is that where "
+        "combinations would be 16 studies and show little more. The one combination is that where "
         "both choices act on peaks.",
         data,
         data.set_index("variant").map(str),
@@ -44,9 +44,7 @@ def _counts(boards: Mapping[str, pd.DataFrame]) -> Table:
 
 
 def _claims(data: pd.DataFrame) -> Table:
-    verdicts = [
-        name for name in data.columns if name not in ("id", "kind", "judges", "claim", "same")
-    ]
+    verdicts = [*data.columns.drop(["id", "kind", "judges", "claim", "same"])]
     shown = data[~data.same].set_index("id")[["claim", *verdicts]]
     return Table(
         "claims_by_variant",

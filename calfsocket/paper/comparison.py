@@ -13,18 +13,6 @@ from calfsocket.report.findings import Findings
 from calfsocket.report.inputs import Laws
 from calfsocket.simulation.results import KEY
 
-MATERIALS = {
-    "skin": ("separate", "skin"),
-    "fat": ("separate", "fat"),
-    "muscle": ("separate", "muscle"),
-    "fascia": ("separate", "fascia"),
-    "muscle and fascia, combined": ("combined", "muscle"),
-    "vessel": ("separate", "vessel"),
-    "bone": ("separate", "bone"),
-    "socket": ("separate", "socket"),
-}
-"""Row of Table 1 -> material set and tissue of run.json."""
-
 _KEYS = {"mu1": "mu", "alpha1": "alpha"}  # others are the symbol in small letters
 
 # Inside a run, stresses are MPa; Table 1 prints these units.
@@ -53,8 +41,11 @@ def materials(laws: Laws) -> pd.DataFrame:
 
 def parameter(laws: Laws, material: str, symbol: str, unit: str) -> float:
     """Return a law's parameter in the unit of Table 1; NaN where the law has none of it."""
-    material_set, tissue = MATERIALS[material]
-    value = laws[material_set][tissue].get(_KEYS.get(symbol, symbol.lower()), np.nan)
+    if material == "muscle and fascia, combined":
+        law = laws["combined"]["muscle"]
+    else:
+        law = laws["separate"][material]
+    value = law.get(_KEYS.get(symbol, symbol.lower()), np.nan)
     first = value[0] if isinstance(value, list | tuple) else value
     return first * _PER_MPA[unit]
 

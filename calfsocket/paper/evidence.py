@@ -9,24 +9,21 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.paper import comparison
 from calfsocket.paper.calibration import Calibration, read_calibration
 from calfsocket.report import inputs
-from calfsocket.report.changes import SETS, complete_sockets
-from calfsocket.report.damage import DamageThresholds
+from calfsocket.report.changes import complete_sockets
 from calfsocket.report.findings import Findings
-from calfsocket.report.names import material_set
+from calfsocket.report.names import SETS, material_set
 from calfsocket.simulation.record import StudyRecord
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import Results
 
 SOCKETS = ("TC", "TSB", "HS")
 CASES = tuple((socket, name) for socket in SOCKETS for name in SETS)
 """The paper's six cases."""
 
-SOFT_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
 STRESSES = ("effective_stress", "shear_stress")
 STRAINS = ("amp_log_strain", "shear_log_strain")
 
@@ -41,31 +38,8 @@ class NotChecked(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
-    """A study's inputs and results, and what is computed from them for more than one claim.
-
-    Attributes
-    ----------
-    findings : Findings
-        Of the paper's cases alone, in a study.
-    """
-
-    findings: Findings
-
-    @property
-    def results(self) -> Results:
-        """The paper's cases that are solved."""
-        return self.findings.results
-
-    @property
-    def thresholds(self) -> DamageThresholds:
-        """Damage thresholds that were asked for."""
-        return self.findings.thresholds
-
-    @property
-    def changes(self) -> pd.DataFrame:
-        """Relative changes from the Separate to the Combined set."""
-        return self.findings.changes
+class Evidence(Findings):
+    """Findings of the paper's cases alone, and what is computed for more than one claim."""
 
     @cached_property
     def settings(self) -> dict[str, Any]:
@@ -76,11 +50,6 @@ class Evidence:
     def laws(self) -> inputs.Laws:
         """Material set -> tissue -> law and parameters (MPa)."""
         return inputs.laws(self.results)
-
-    @cached_property
-    def limb(self) -> Limb:
-        """The limb as meshed."""
-        return self.run.limb
 
     @property
     def run(self) -> StudyRecord:
@@ -97,7 +66,7 @@ class Evidence:
     @cached_property
     def skin(self) -> ClosedCurve:
         """Undeformed outline of the limb."""
-        return limb_curves(self.limb)[self.limb.contact_boundary]
+        return limb_curves(self.run.limb)[self.run.limb.contact_boundary]
 
     @cached_property
     def inner_faces(self) -> dict[str, ClosedCurve]:
@@ -112,22 +81,16 @@ class Evidence:
     @cached_property
     def maxima(self) -> pd.DataFrame:
         """`comparison.maxima` of the study."""
-        return comparison.maxima(self.findings)
+        return comparison.maxima(self)
 
     @cached_property
     def compared_changes(self) -> pd.DataFrame:
         """`comparison.changes` of the study."""
-        return comparison.changes(self.findings)
+        return comparison.changes(self)
 
     @cached_property
     def calibration(self) -> Calibration:
-        """The calibration in the study's folder.
-
-        Raises
-        ------
-        InputError
-            When there is none (`NoCalibration`), or it cannot be used.
-        """
+        """The calibration in the study's folder (see `read_calibration`)."""
         return read_calibration(self.results.folder)
 
     def checked_calibration(self) -> Calibration:
@@ -161,11 +124,8 @@ class Evidence:
 
     def row(self, socket: str, material_set: str, tissue: str, quantity: str) -> pd.Series:
         """Row of the summary; refuse the check when the case is missing."""
+        key = {"socket": socket, "material_set": material_set}
         self.need([(socket, material_set)])
+        wanted = pd.Series(key | {"tissue": tissue, "quantity": quantity})
         rows = self.results.summary
-        return rows[
-            (rows.socket == socket)
-            & (rows.material_set == material_set)
-            & (rows.tissue == tissue)
-            & (rows["quantity"] == quantity)
-        ].iloc[0]
+        return rows[(rows[wanted.index] == wanted).all(axis=1)].iloc[0]

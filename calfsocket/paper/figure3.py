@@ -10,17 +10,12 @@ from numpy.typing import NDArray
 
 from calfsocket.calibration.names import FIGURE, FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.calibration.run import Calibration
+from calfsocket.calibration.specimen import Specimen
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA
 from calfsocket.plotting import section as drawing
-from calfsocket.plotting.style import (
-    WIDTH_MM,
-    add_axes,
-    legend_at,
-    new_figure,
-    save,
-    type_set,
-)
+from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure, save, type_set
+from calfsocket.postprocess.fields import SectionFields
 
 COLOURS = {**drawing.TISSUE_COLOURS, "socket": drawing.SOCKET}
 NAMES = {"socket": "plate"}
@@ -44,8 +39,9 @@ def draw(calibration: Calibration, folder: Path) -> tuple[Path, Path]:
 
 def figure(calibration: Calibration) -> Figure:
     """Draw the model, loaded and not, and the curves beside it."""
-    assert calibration.fields is not None
-    window = _window(calibration)
+    fields, specimen = calibration.fields, calibration.specimen
+    assert fields is not None
+    window = _window(fields, specimen)
     aspect = (window[3] - window[2]) / (window[1] - window[0])
     below = aspect < 1  # a flat model's two states stand one below the other
     width = MODELS_MM if below else (MODELS_MM - GAP_MM) / 2
@@ -58,13 +54,13 @@ def figure(calibration: Calibration) -> Figure:
         bottom = top - height * (1 + place * below)
         axes = add_axes(page, left, bottom, width, height - TITLE_MM)
         drawing.frame(axes, window)
-        _draw_model(axes, calibration, window, deformed=place == 1)
+        _draw_model(axes, fields, specimen, window, deformed=place == 1)
     curves = add_axes(
         page, CURVES_LEFT_MM, CURVES_BOTTOM_MM, WIDTH_MM - CURVES_LEFT_MM - 2,
         top - CURVES_BOTTOM_MM - TITLE_MM,
     )  # fmt: skip
     _draw_curves(curves, calibration)
-    present = calibration.specimen.tissues.values()
+    present = specimen.tissues.values()
     legend_at(
         page,
         1.0,
@@ -78,11 +74,10 @@ def figure(calibration: Calibration) -> Figure:
     return page
 
 
-def _window(calibration: Calibration) -> drawing.Window:
+def _window(fields: SectionFields, specimen: Specimen) -> drawing.Window:
     """Return the piece of the plane that both states and the arrow need."""
-    fields, way = calibration.fields, np.array(calibration.specimen.direction)
-    assert fields is not None
-    both = np.concatenate([fields.points, drawing.deformed(fields)])
+    way = np.array(specimen.direction)
+    both = np.concatenate([fields.points, fields.deformed])
     size = np.ptp(fields.points, axis=0).max()
     start = both.min(axis=0) - MARGIN * size - ARROW * size * np.clip(way, 0, 1)
     end = both.max(axis=0) + MARGIN * size + ARROW * size * np.clip(-way, 0, 1)
@@ -90,11 +85,9 @@ def _window(calibration: Calibration) -> drawing.Window:
 
 
 def _draw_model(
-    axes: Axes, calibration: Calibration, window: drawing.Window, deformed: bool
+    axes: Axes, fields: SectionFields, specimen: Specimen, window: drawing.Window, deformed: bool
 ) -> None:
-    fields, specimen = calibration.fields, calibration.specimen
-    assert fields is not None
-    points = drawing.deformed(fields) if deformed else fields.points
+    points = fields.deformed if deformed else fields.points
     for tissue, colour in COLOURS.items():
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
     drawing.draw_outlines(axes, fields, points, linewidth=0.4)
@@ -103,7 +96,7 @@ def _draw_model(
         return
     axes.set_title("Calibration model", pad=2)
     drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
-    plate = points[np.unique(fields.cells[drawing.cells_of(fields, "socket")])]
+    plate = points[np.unique(fields.cells[fields.cells_of("socket")])]
     _draw_arrow(axes, plate, np.array(specimen.direction), f"u, up to {specimen.stroke:g} mm")
 
 
@@ -135,14 +128,8 @@ def _draw_curves(axes: Axes, calibration: Calibration) -> None:
         (TABLE1, f"Combined, Table 1: {parameters(MUSCLE_AND_FASCIA)}", "--", "#e08214"),
         (IGNORED, "fascia ignored (muscle)", ":", "#2166ac"),
     ):
-        axes.plot(
-            np.append(0.0, way),
-            np.append(0.0, force[name]),
-            style,
-            color=colour,
-            label=label,
-            linewidth=1.5,
-        )
+        x, y = np.append(0.0, way), np.append(0.0, force[name])
+        axes.plot(x, y, style, color=colour, label=label, linewidth=1.5)
     axes.plot(way, force[SEPARATE], "ko", markersize=3, clip_on=False)
     axes.set(
         xlabel="displacement of the plate u, mm",

@@ -17,7 +17,7 @@ from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure,
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import chapters, names
 
-# After Okabe and Ito: told apart by colour-blind eyes, and in print by their lightness.
+# After Okabe and Ito: distinct to colour-blind eyes, and in print by their lightness.
 SOCKET_COLOURS = {"TC": "#e69f00", "TSB": "#56b4e9", "HS": "#1b4f72"}
 
 SHORT = {
@@ -31,12 +31,13 @@ SHORT = {
 
 LINEAR_TO_PCT = 100.0  # logarithmic beyond, where all of the range is shown
 LIMITED_PCT = 250.0
-PAPER: dict[str, Any] = {"marker": "D", "markerfacecolor": "white", "markeredgecolor": "black"}
-
+PAPER: dict[str, Any] = {"linestyle": "", "marker": "D", "markeredgewidth": 0.6}
+PAPER |= {"markerfacecolor": "white", "markeredgecolor": "black"}
 
 EQUATION_3 = (
     "(Combined \N{MINUS SIGN} Separate) / |Separate| of signed values, equation (3) of the paper"
 )
+AT_SITES = ("max_separate", "max_combined")
 SITES = (
     "Sites of maxima: S where Separate has it, C where Combined "
     "has it; both sets are compared there."
@@ -54,7 +55,8 @@ def figures(evidence: Evidence) -> dict[str, chapters.Figure]:
             "Relative change of the maxima",
             f"{EQUATION_3}; each set's own maximum, wherever it lies. A positive change of a "
             "negative value is a smaller magnitude: the next figure shows magnitudes.",
-            lambda: of_maxima(table),
+            # as the paper's figure 5
+            lambda: _maxima(table, ("ours", "paper"), "relative change, eq. (3), %"),
             "5",
         ),
         chapters.Figure(
@@ -63,7 +65,7 @@ def figures(evidence: Evidence) -> dict[str, chapters.Figure]:
             "(|Combined| \N{MINUS SIGN} |Separate|) / |Separate|, not equation (3): above 0 the "
             "Combined set has the larger stress or strain, whatever its sign. The paper's numbers "
             "follow from its Tables 2 and 4.",
-            lambda: of_magnitudes(table),
+            lambda: _maxima(table, ("ours_magnitude", "paper_magnitude"), "change of magnitude, %"),
             "5b",
         ),
         chapters.Figure(
@@ -83,16 +85,6 @@ def figures(evidence: Evidence) -> dict[str, chapters.Figure]:
         ),
     )
     return {figure.number: figure for figure in made}
-
-
-def of_maxima(table: pd.DataFrame) -> Figure:
-    """Draw the relative change of the maxima by equation (3), as the paper's figure 5."""
-    return _maxima(table, ("ours", "paper"), "relative change, eq. (3), %")
-
-
-def of_magnitudes(table: pd.DataFrame) -> Figure:
-    """Draw the change of the maxima's magnitude, which equation (3) does not tell."""
-    return _maxima(table, ("ours_magnitude", "paper_magnitude"), "change of magnitude, %")
 
 
 def _maxima(table: pd.DataFrame, columns: tuple[str, str], label: str) -> Figure:
@@ -117,10 +109,7 @@ def at_sites(table: pd.DataFrame, quantities: Sequence[str]) -> Figure:
         of_quantity = table[table.quantity == quantity]
         for bottom, limited in ((84.0, False), (23.0, True)):
             axes = add_axes(figure, 15.0 + j * (width + 15.0), bottom, width, 46.0)
-            _bars(
-                axes, of_quantity, "site", ("max_separate", "max_combined"),
-                ("ours", "paper"), sockets,
-            )  # fmt: skip
+            _bars(axes, of_quantity, "site", AT_SITES, ("ours", "paper"), sockets)
             if limited:
                 axes.set_ylim(-LIMITED_PCT, LIMITED_PCT)
                 axes.yaxis.set_major_locator(MultipleLocator(100))
@@ -132,7 +121,7 @@ def at_sites(table: pd.DataFrame, quantities: Sequence[str]) -> Figure:
                 axes.set_ylabel("relative change, eq. (3), %", labelpad=2)
     sites = [
         Line2D([], [], linestyle="", label=f"{SHORT[site]}: {names.SITES[site]}")
-        for site in ("max_separate", "max_combined")
+        for site in AT_SITES
     ]
     legend_at(figure, 15.0, 7.0, _key(sockets))
     legend_at(figure, 9.0, 2.0, sites)
@@ -187,17 +176,8 @@ def _bars(
                     continue
                 row = at.loc[(tissue, name, socket)]
                 x = left + k + 0.08 + (s + 0.5) * width
-                axes.bar(
-                    x,
-                    row[columns[0]],
-                    width,
-                    color=SOCKET_COLOURS[socket],
-                    zorder=2,
-                )
-                axes.plot(
-                    x, row[columns[1]], **PAPER, markersize=2.6, markeredgewidth=0.6,
-                    zorder=3,
-                )  # fmt: skip
+                axes.bar(x, row[columns[0]], width, color=SOCKET_COLOURS[socket], zorder=2)
+                axes.plot(x, row[columns[1]], **PAPER, markersize=2.6, zorder=3)
         axes.text(
             left + 0.5 * len(inners), -0.11, names.TISSUES[tissue],
             transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=7.5,
@@ -215,6 +195,4 @@ def _key(sockets: Sequence[str]) -> list[Artist]:
     bars: list[Artist] = [
         Patch(color=SOCKET_COLOURS[socket], label=socket_title(socket)) for socket in sockets
     ]
-    paper = Line2D([], [], linestyle="", **PAPER, markersize=3.2, markeredgewidth=0.6,
-                   label="the paper's number")  # fmt: skip
-    return [*bars, paper]
+    return [*bars, Line2D([], [], **PAPER, markersize=3.2, label="the paper's number")]

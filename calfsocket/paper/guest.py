@@ -42,7 +42,7 @@ def guest(findings: Findings) -> Guest | None:
     keys = [key for key in findings.results if key in CASES]
     if not keys or findings.study.run is None:
         return None
-    evidence = Evidence(findings.of(keys))
+    evidence = Evidence(findings.results.only(keys), findings.thresholds)
     board = scoreboard.scoreboard(evidence)
     drawn, warnings = _calibration(evidence)
     known: dict[str, Content] = {**tables(evidence), **figures(evidence)}
@@ -101,10 +101,7 @@ def _calibration(evidence: Evidence) -> tuple[list[Content], list[str]]:
         log.warning("the calibration is left out: %s", error)
         missing = f"The calibration, figure 3, is left out: {error}."
         return [Note(missing)], [missing]
-    return [
-        found.figure,
-        calibration.table(found, evidence.laws["separate"]),
-    ], []
+    return [found.figure, calibration.table(found, evidence.laws["separate"])], []
 
 
 def _scoreboard(board: pd.DataFrame) -> Content:

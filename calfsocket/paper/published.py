@@ -2,7 +2,7 @@
 
 The column `printed` holds the digits of the paper and is never corrected; where a number
 contradicts others of the paper, `note` says so. Tissues, quantities and sets have this
-package's names. Sites are those of `report.changes.SITES`.
+package's names. Sites are those of `report.names.SITES`.
 """
 
 from functools import cache

@@ -5,13 +5,14 @@ by hand. Claims on results are counted apart from those that only restate an inp
 from those that compare the paper with itself: these hold by construction.
 """
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 
 import pandas as pd
 
 from calfsocket.paper import published
-from calfsocket.paper.claims import found, given  # noqa: F401  (they register their facts)
-from calfsocket.paper.claims.rules import FACTS, INPUT, PAPER, RESULT, holds, in_words
+from calfsocket.paper.claims import found, given
+from calfsocket.paper.claims.rules import INPUT, PAPER, RESULT, Fact, holds, in_words
 from calfsocket.paper.evidence import Evidence, NotChecked
 from calfsocket.report.table import Table, listed
 
@@ -27,6 +28,13 @@ KINDS = {
 }
 """What a claim may judge, in words."""
 
+FACTS: dict[str, Callable[[Evidence, str], Fact]] = {
+    name: function
+    for module in (given, found)
+    for name, function in inspect.getmembers(module, inspect.isfunction)
+    if function.__module__ == module.__name__ and not name.startswith("_")
+}
+
 
 def scoreboard(evidence: Evidence) -> pd.DataFrame:
     """Check every claim; those that need cases which are not solved cannot be checked.
@@ -36,13 +44,13 @@ def scoreboard(evidence: Evidence) -> pd.DataFrame:
     DataFrame
         One row a claim, in the order of the text: id, section, line, kind, claim, judges ("result",
         "input" or "paper"), given (why it holds by construction), verdict, ours, paper (numbers in
-        words), why (one line, where it does not hold or cannot be checked), own_tables (whether the
-        paper's own tables agree with its text) and note (on that).
+        words), why (one line, where it does not hold or cannot be checked), paper_tables (whether
+        the paper's tables agree with its text) and note (on that).
     """
     board = published.claims().join(published.checks()[["judges", "given"]], on="id")
     checked = pd.DataFrame([check(identifier, evidence) for identifier in board.id])
     board = pd.concat([board, checked], axis=1)
-    last = ["own_tables", "note"]
+    last = ["paper_tables", "note"]
     return board[[*(name for name in board if name not in last), *last]]
 
 
@@ -53,15 +61,11 @@ def check(identifier: str, evidence: Evidence) -> dict[str, str]:
         fact = FACTS[about.fact](evidence, about.of)
     except NotChecked as reason:
         return {"verdict": UNCHECKED, "ours": "", "paper": "", "why": str(reason)}
-    agrees = holds(about.rule, fact["value"], about.expected)
-    why = "" if agrees else in_words(about.why, fact) or "ours differs from the paper's"
-    verdict = HOLDS if agrees else FAILS
-    return {
-        "verdict": verdict,
-        "ours": in_words(about.ours, fact),
-        "paper": about.paper,
-        "why": why,
-    }
+    found = {"ours": in_words(about.ours, fact), "paper": about.paper}
+    if holds(about.rule, fact["value"], about.expected):
+        return {"verdict": HOLDS, **found, "why": ""}
+    why = in_words(about.why, fact) or "ours differs from the paper's"
+    return {"verdict": FAILS, **found, "why": why}
 
 
 def counts(board: pd.DataFrame, judges: str = RESULT) -> dict[str, int]:
@@ -77,16 +81,13 @@ def tally(counted: Mapping[str, int]) -> str:
 
 def parts(board: pd.DataFrame) -> list[str]:
     """Return the counts of each kind of claims in words, those on results first."""
-    texts = []
-    for judges, what in KINDS.items():
-        counted = counts(board, judges)
-        texts.append(f"{sum(counted.values())} {what} ({tally(counted)})")
-    return texts
+    counted = {what: counts(board, judges) for judges, what in KINDS.items()}
+    return [f"{sum(each.values())} {what} ({tally(each)})" for what, each in counted.items()]
 
 
 def table(board: pd.DataFrame) -> Table:
     """Return the scoreboard as a table of the report."""
-    contradicted = board.own_tables.str.startswith("NO")
+    contradicted = board.paper_tables.str.startswith("NO")
     paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
     shown = board.assign(paper=paper).set_index("id")
     return Table(

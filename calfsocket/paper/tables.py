@@ -8,7 +8,7 @@ import pandas as pd
 from calfsocket.paper import comparison, published
 from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
 from calfsocket.report import names
-from calfsocket.report.changes import SETS
+from calfsocket.report.names import SETS
 from calfsocket.report.table import TIMES, TOGETHER, Table, change, in_words, number, spread
 
 FLIP = "\N{RIGHTWARDS ARROW OVER LEFTWARDS ARROW}"
@@ -34,7 +34,7 @@ def tables(evidence: Evidence) -> dict[str, Table]:
 def _materials(data: pd.DataFrame) -> Table:
     shown = data[["material", "law", "symbol", "unit"]].assign(
         ours=[f"{value:.6g}" for value in data.ours],
-        paper=[f"{value:.6g}{mark}" for value, mark in zip(data.paper, _marks(data), strict=True)],
+        paper=[f"{row.paper:.6g}{_mark(row.note)}" for row in data.itertuples()],
     )
     return Table(
         "table1",
@@ -48,13 +48,11 @@ def _materials(data: pd.DataFrame) -> Table:
 
 def _maxima(n: int, title: str, maxima: pd.DataFrame, quantities: Sequence[str]) -> Table:
     data = maxima[maxima.quantity.isin(quantities)].reset_index(drop=True)
-    paper = [
-        f"({number(value)}{mark},{TOGETHER}{TIMES}{number(ratio)}{FLIP if flip else ''})"
-        for value, mark, ratio, flip in zip(
-            data.paper, _marks(data), data.ratio, data.sign_flip, strict=True
-        )
+    text = [
+        f"{number(row.ours)} ({number(row.paper)}{_mark(row.note)},"
+        f"{TOGETHER}{TIMES}{number(row.ratio)}{FLIP if row.sign_flip else ''})"
+        for row in data.itertuples()
     ]
-    text = pd.Series([number(value) for value in data.ours]) + " " + pd.Series(paper)
     return Table(
         f"table{n}",
         f"Table {n}: {title}",
@@ -69,10 +67,8 @@ def _maxima(n: int, title: str, maxima: pd.DataFrame, quantities: Sequence[str])
 def _changes(n: int, title: str, changes: pd.DataFrame, quantities: Sequence[str]) -> Table:
     data = changes[changes.quantity.isin(quantities)].reset_index(drop=True)
     text = [
-        f"{change(ours)} ({change(paper)}{mark}{FLIP if flip else ''})"
-        for ours, paper, mark, flip in zip(
-            data.ours, data.paper, _marks(data), data.sign_flip, strict=True
-        )
+        f"{change(row.ours)} ({change(row.paper)}{_mark(row.note)}{FLIP if row.sign_flip else ''})"
+        for row in data.itertuples()
     ]
     return Table(
         f"table{n}",
@@ -81,7 +77,7 @@ def _changes(n: int, title: str, changes: pd.DataFrame, quantities: Sequence[str
         f"paper's. {FLIP}: the signs differ. A negative number need not be a smaller stress or "
         "strain; the changes of magnitude are in the CSV file beside them.",
         data,
-        spread(in_words(data), ["tissue", "site"], ["socket", "quantity"], pd.Series(text)),
+        spread(in_words(data), ["tissue", "site"], ["socket", "quantity"], text),
         _notes(data, "tissue", "socket", "quantity", "site"),
     )
 
@@ -166,12 +162,12 @@ def _pressure(evidence: Evidence) -> Table:
     )
 
 
-def _marks(data: pd.DataFrame) -> list[str]:
-    return [MARK if note else "" for note in data.note]
+def _mark(note: str) -> str:
+    return MARK if note else ""
 
 
 def _notes(data: pd.DataFrame, *where: str) -> tuple[str, ...]:
-    """Return at which cells the marks stand, and why."""
+    """Return which cells are marked, and why."""
     readable = in_words(data)
     return tuple(
         f"{MARK} {', '.join(readable.loc[row, list(where)])}: {note}"

@@ -76,7 +76,7 @@ class Scheduler:
     def agree(self, failure: str) -> str:
         """Agree on how a case ended (every rank of the group, once a case).
 
-        `failure` says why this rank could not go on; it is empty where the case went well. All
+        `failure` says why this rank could not continue; it is empty where the case went well. All
         ranks return the first rank's failure of those that have one.
 
         Raises

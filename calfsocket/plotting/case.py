@@ -8,9 +8,8 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -39,39 +38,17 @@ def place_band(fields: SectionFields, contact: ContactLine) -> PressureBand:
     skin = contact.points
     normal = outward_normals(skin)
     foot_mm = 1.5
-    socket = fields.cells[drawing.cells_of(fields, "socket")]
+    socket = fields.cells[fields.cells_of("socket")]
     if len(socket):
-        to_skin, _ = cKDTree(skin).query(drawing.deformed(fields)[np.unique(socket)])
+        to_skin, _ = cKDTree(skin).query(fields.deformed[np.unique(socket)])
         foot_mm += to_skin.max()
     return PressureBand(skin + foot_mm * normal, normal, contact.pressure_kPa, PRESSURE_MM_PER_KPA)
 
 
-def _shades() -> Colormap:
-    return matplotlib.colormaps[drawing.STRESS_COLOURS].with_extremes(over=drawing.ABOVE)
-
-
-def _draw_section(axes: Axes, quantities: Quantities, window: drawing.Window) -> None:
-    fields, stress = quantities.fields, quantities.nodal["effective_stress"]
-    points = drawing.deformed(fields)
-    soft = drawing.cells_of(fields, *drawing.SOFT_TISSUES)
-    axes.imshow(
-        drawing.field_image(fields, stress, soft, window, PIXELS),
-        extent=window,
-        origin="lower",
-        cmap=_shades(),
-        norm=Normalize(0, STRESS_LIMIT_KPA),
-        interpolation="nearest",
-        zorder=3,
-    )
-    drawing.draw_tissue(axes, fields, points, "bone", facecolor=drawing.BONE, zorder=3)
-    drawing.draw_tissue(axes, fields, points, "socket", facecolor=drawing.SOCKET, zorder=3)
-    drawing.draw_outlines(axes, fields, points, linewidth=0.45, zorder=4)
-
-
-def _draw_legend(figure: Figure) -> None:
+def _draw_legend(figure: Figure, stress: ScalarMappable) -> None:
     bar = figure.add_axes((0.06, 0.045, 0.40, 0.015))
     figure.colorbar(
-        ScalarMappable(Normalize(0, STRESS_LIMIT_KPA), _shades()),
+        stress,
         cax=bar,
         orientation="horizontal",
         extend="max",
@@ -80,12 +57,7 @@ def _draw_legend(figure: Figure) -> None:
     bar.tick_params(labelsize=8)
     bar.set_title("effective (Mises) stress, kPa; arrow: above", fontsize=8.5)
     handles = [
-        Patch(
-            facecolor=pressure_band.FILL,
-            edgecolor=pressure_band.EDGE,
-            linewidth=0.9,
-            label="contact pressure on the skin",
-        ),
+        pressure_band.key("contact pressure on the skin"),
         Line2D([], [], **pressure_band.LEVEL_LINE, label=f"lines every {PRESSURE_STEP_KPA:g} kPa"),
         Patch(color=drawing.BONE, label="bone"),
         Patch(color=drawing.SOCKET, label="socket"),
@@ -111,14 +83,27 @@ def draw(quantities: Quantities, contact: ContactLine, title: str) -> Figure:
 
     figure = Figure(figsize=(7.0, 8.0), dpi=PIXELS / 7.0)
     axes = figure.add_axes((0.0, 0.08, 1.0, 7.0 / 8.0))
-    _draw_section(axes, quantities, window)
+    shades = matplotlib.colormaps[drawing.STRESS_COLOURS].with_extremes(over=drawing.ABOVE)
+    stress = ScalarMappable(Normalize(0, STRESS_LIMIT_KPA), shades)
+    drawing.draw_field(
+        axes,
+        quantities.fields,
+        quantities.nodal["effective_stress"],
+        window,
+        PIXELS,
+        linewidth=0.45,
+        zorder=3,
+        cmap=stress.cmap,
+        norm=stress.norm,
+        interpolation="nearest",
+    )
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)
     levels = [PRESSURE_STEP_KPA * k for k in range(1, int(highest / PRESSURE_STEP_KPA) + 1)]
     band.draw(axes, levels, fontsize=7)
     drawing.mark_directions(axes, window, fontsize=9)
     drawing.scale_bar(axes, window, fontsize=8)
     drawing.frame(axes, window)
-    _draw_legend(figure)
+    _draw_legend(figure, stress)
     fontsize = 13 * min(1.0, LONGEST_TITLE / len(title))
     figure.text(0.5, 0.965, title, ha="center", fontsize=fontsize, parse_math=False)
     return figure

@@ -7,12 +7,18 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 FILL = "#f4d6ae"
 EDGE = "#96540c"
 LEVEL_LINE: dict[str, Any] = {"color": "#666666", "linewidth": 0.5, "dashes": (4, 3)}
+
+
+def key(label: str) -> Patch:
+    """Return the band's handle in a legend."""
+    return Patch(facecolor=FILL, edgecolor=EDGE, linewidth=0.9, label=label)
 
 
 def outward_normals(line: NDArray[np.float64], smooth_mm: float = 4.0) -> NDArray[np.float64]:
@@ -27,20 +33,12 @@ def outward_normals(line: NDArray[np.float64], smooth_mm: float = 4.0) -> NDArra
 
 @dataclass(frozen=True)
 class PressureBand:
-    """Contact pressure around a closed line.
-
-    Attributes
-    ----------
-    foot, normal
-        The line, mm, and its outward unit normals, (n, 2).
-    pressure_kPa
-        Along the line, (n,).
-    mm_per_kPa
-        Height of the band.
-    """
+    """Contact pressure, (n,), around a closed line."""
 
     foot: NDArray[np.float64]
+    """The line, mm, (n, 2)."""
     normal: NDArray[np.float64]
+    """Its outward unit normals, (n, 2)."""
     pressure_kPa: NDArray[np.float64]
     mm_per_kPa: float
 

@@ -10,9 +10,9 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from calfsocket.postprocess.fields import TISSUES, SectionFields
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 
-SOFT_TISSUES = ("skin", "fat", "fascia", "muscle", "vessel")
 SOCKET_NAMES = {"TC": "total contact", "TSB": "total surface bearing", "HS": "hydrostatic"}
 
 # Distinct by hue, and by lightness for colour-blind eyes.
@@ -36,28 +36,13 @@ Window = tuple[float, float, float, float]
 """Left, right, bottom and top of a piece of the section, mm."""
 
 
-def cells_of(fields: SectionFields, *tissues: str) -> NDArray[np.int64]:
-    """Return the indices of the cells of some tissues."""
-    return np.flatnonzero(np.isin(fields.tissue, [TISSUES.index(name) for name in tissues]))
-
-
-def deformed(fields: SectionFields) -> NDArray[np.float64]:
-    """Return the deformed positions of the nodes, mm, (n_nodes, 2)."""
-    return fields.points + fields.displacement
-
-
 def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
     """Return the boundary of some cells: closed curves that turn as the cells do, holes reversed.
 
     A quadratic element's edge is a quadratic Bezier curve, so the path is the mesh's own boundary
     without loss: its control point is 2 m - (a + b)/2, with the ends a, b and the mid-side node m.
 
-    Parameters
-    ----------
-    cells
-        Six-node triangles, all turning the same way, (n_cells, 6).
-    points
-        Positions, mm, (n_points, 2).
+    The cells are six-node triangles, all turning the same way, (n_cells, 6).
     """
     corners = cells[:, :3]
     edges = np.stack([corners, np.roll(corners, -1, axis=1), cells[:, 3:]], axis=2).reshape(-1, 3)
@@ -81,7 +66,7 @@ def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
 
 def limb_boundary(fields: SectionFields, points: NDArray[np.float64]) -> Path:
     """Return the outline of the limb, with its marrow cavity as a hole where it has one."""
-    return boundary(fields.cells[cells_of(fields, *SOFT_TISSUES, "bone")], points)
+    return boundary(fields.cells[fields.cells_of(*SUMMARY_TISSUES, "bone")], points)
 
 
 def draw_path(axes: Axes, path: Path, **style: Any) -> PathPatch:
@@ -95,7 +80,7 @@ def draw_tissue(
     axes: Axes, fields: SectionFields, points: NDArray[np.float64], tissue: str, **style: Any
 ) -> None:
     """Fill a tissue; nothing where the section has none."""
-    cells = cells_of(fields, tissue)
+    cells = fields.cells_of(tissue)
     if len(cells):
         draw_path(axes, boundary(fields.cells[cells], points), **{"linewidth": 0, **style})
 
@@ -122,28 +107,14 @@ def field_image(
 ) -> np.ma.MaskedArray:
     """Sample a field of the deformed section at the pixels of an image.
 
-    Parameters
-    ----------
-    fields
-        The section.
-    values
-        At the six nodes of every cell, (n_cells, 6); may jump from cell to cell.
-    cells
-        Cells to show, (n,).
-    window
-        What the image shows, mm.
-    pixels
-        Across the window's width.
-
-    Returns
-    -------
-    image
-        (rows, columns), the lowest row first, masked where none of the cells is.
+    `values`, at the six nodes of every cell, (n_cells, 6), may jump from cell to cell. The image,
+    `pixels` across the window's width, has the lowest row first; it is masked where none of `cells`
+    is.
     """
     left, right, bottom, top = window
     step = (right - left) / pixels
     rows = round((top - bottom) / step)
-    corners = deformed(fields)[fields.cells[cells]].reshape(-1, 2)
+    corners = fields.deformed[fields.cells[cells]].reshape(-1, 2)
     grid = pyvista.UnstructuredGrid(
         {pyvista.CellType.QUADRATIC_TRIANGLE: np.arange(len(corners)).reshape(-1, 6)},
         np.pad(corners, ((0, 0), (0, 1))),
@@ -157,6 +128,25 @@ def field_image(
     shape = (rows, pixels)
     outside = np.asarray(raster["vtkValidPointMask"]).reshape(shape) == 0
     return np.ma.masked_array(np.asarray(raster["value"]).reshape(shape), outside)
+
+
+def draw_field(
+    axes: Axes,
+    fields: SectionFields,
+    values: NDArray[np.float64],
+    window: Window,
+    pixels: int,
+    linewidth: float,
+    zorder: float = 0,
+    **image: Any,
+) -> None:
+    """Draw a field of the deformed soft tissues (`field_image`), with bone, socket and outlines."""
+    points, soft = fields.deformed, fields.cells_of(*SUMMARY_TISSUES)
+    shown = field_image(fields, values, soft, window, pixels)
+    axes.imshow(shown, extent=window, origin="lower", zorder=zorder, **image)
+    draw_tissue(axes, fields, points, "bone", facecolor=BONE, zorder=zorder)
+    draw_tissue(axes, fields, points, "socket", facecolor=SOCKET, zorder=zorder)
+    draw_outlines(axes, fields, points, linewidth=linewidth, zorder=zorder + 1)
 
 
 def frame(axes: Axes, window: Window) -> None:

@@ -125,18 +125,10 @@ def panels(
     key: float,
     below: float = 0.0,
 ) -> Figure:
-    """Draw sections to one scale, a column a socket.
+    """Draw sections to one scale, a column a socket, with labels of the rows.
 
-    Parameters
-    ----------
-    sockets, rows
-        Names of the columns, and labels of the rows that each has.
-    window
-        What each panel shows, mm of the section.
-    draw
-        Draws on a panel's axes, for a socket and the number of a row.
-    key, below
-        Room for a key at the figure's foot, and below each row, mm of paper.
+    `draw` draws on a panel's axes for a socket and the number of a row. `key` and `below` are room
+    for a key at the figure's foot and below each row, mm of paper.
     """
     blocks = abreast(sockets)
     left = 5.0 if any(rows) else 0.0

@@ -15,37 +15,25 @@ RUNNING_MEAN_MM = 3.0
 
 @dataclass(frozen=True)
 class ContactLine:
-    """Contact at the skin's quadrature points, sorted by arc length; arrays of shape (n,).
-
-    Attributes
-    ----------
-    arc_mm
-        Reference arc length along the closed skin outline, mm, in [0, circumference_mm).
-    angle_deg
-        Angle of the reference position about the origin from +x (lateral) counter-clockwise, deg.
-    x_mm, y_mm
-        Deformed position, mm.
-    pressure_kPa
-        Contact pressure, kPa, >= 0 in compression, 0 where open.
-    shear_kPa
-        Friction traction along the skin, kPa, signed along increasing arc length.
-    gap_mm
-        Normal gap, mm, >= 0 open.
-    weight_mm
-        Reference length that each point stands for, mm; they add up to that of the outline.
-    status
-        "open", "stick" or "slip".
-    """
+    """Contact at the skin's quadrature points, sorted by arc length; arrays of shape (n,)."""
 
     arc_mm: NDArray[np.float64]
+    """Reference arc length along the closed skin outline, from 0 to less than all of it."""
     angle_deg: NDArray[np.float64]
+    """Angle of the reference position about the origin, counter-clockwise from +x (lateral)."""
     x_mm: NDArray[np.float64]
+    """Deformed position, with `y_mm`."""
     y_mm: NDArray[np.float64]
     pressure_kPa: NDArray[np.float64]
+    """>= 0 in compression, 0 where open."""
     shear_kPa: NDArray[np.float64]
+    """Friction traction along the skin, signed along increasing arc length."""
     gap_mm: NDArray[np.float64]
+    """Normal gap, >= 0 open."""
     weight_mm: NDArray[np.float64]
+    """Reference length that each point stands for; they add up to that of the outline."""
     status: NDArray[np.str_]
+    """"open", "stick" or "slip"."""
 
     def __post_init__(self) -> None:
         n = len(self.arc_mm)

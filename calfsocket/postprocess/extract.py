@@ -26,18 +26,13 @@ _VTK_ORDER = [0, 1, 2, 5, 3, 4]
 def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFields | None:
     """Displacement, stress and strain of the whole section; on rank 0 (collective).
 
-    Parameters
-    ----------
-    model : Problem
-        With the state of interest in its unknowns.
-    region_tissues : dict
-        Tissue of each region name.
+    The model has the state of interest in its unknowns; tissues are given by names of regions.
     """
     domain = model.section.mesh
     n_cells = domain.topology.index_map(2).size_local
     nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
     F, stress, p = _at_gauss_points(model, n_cells)
-    gathered = model.comm.gather(
+    collected = model.comm.gather(
         (
             domain.topology.original_cell_index[:n_cells],
             domain.geometry.input_global_indices[nodes],
@@ -50,9 +45,9 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         ),
         root=0,
     )
-    if gathered is None:
+    if collected is None:
         return None
-    number, *parts = (np.concatenate(part) for part in zip(*gathered, strict=True))
+    number, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
     order = np.argsort(number)
     node, x, u, region, F, stress, p = (part[order] for part in parts)
     points = np.zeros((node.max() + 1, 2))
@@ -70,7 +65,6 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         stress=KILOPASCAL * stress,
         deformation_gradient=F,
         pressure=-KILOPASCAL * p,
-        gauss_points=GAUSS_POINTS,
     )
 
 
@@ -79,7 +73,7 @@ def contact_line(model: Problem) -> ContactLine | None:
     contact = model.contact
     state = contact.state()
     law = state.traction
-    gathered = model.comm.gather(
+    collected = model.comm.gather(
         (
             contact.skin.nodes,
             contact.points.reference,
@@ -92,10 +86,10 @@ def contact_line(model: Problem) -> ContactLine | None:
         ),
         root=0,
     )
-    if gathered is None:
+    if collected is None:
         return None
     nodes, reference, position, weight, pressure, shear, gap, status = (
-        np.concatenate(part) for part in zip(*gathered, strict=True)
+        np.concatenate(part) for part in zip(*collected, strict=True)
     )
     order, flipped = order_chain(nodes)
     chain = EdgeChain.from_edges(along_chain(nodes, order, flipped))

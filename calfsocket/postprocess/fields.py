@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,45 +16,31 @@ GAUSS_POINTS = np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]])
 
 @dataclass(frozen=True)
 class SectionFields:
-    """Displacement, stress, deformation gradient and pressure of one case, gathered to one rank.
+    """Displacement, stress, deformation gradient and pressure of one case, collected on one rank.
 
     Nodes and cells stand in the mesh generator's order, so that nothing here depends on how the
     mesh was distributed. Cells are six-node triangles in VTK's order: three corners, then the
     mid-sides 01, 12, 20.
-
-    Attributes
-    ----------
-    points
-        Reference coordinates of the nodes, mm, (n_nodes, 2); +x lateral, +y anterior.
-    cells
-        Node indices, (n_cells, 6).
-    region
-        Region id of each cell, (n_cells,).
-    region_names, region_tissues
-        Name and tissue of each region id; the tissue is one of `TISSUES`.
-    displacement
-        mm, (n_nodes, 2).
-    stress
-        Cauchy stress s11, s22, s33, s12 at the Gauss points, kPa, (n_cells, 3, 4).
-    deformation_gradient
-        In-plane F at the Gauss points, (n_cells, 3, 2, 2); F33 = 1 (plane strain).
-    pressure
-        Hydrostatic pressure of the mixed field at the Gauss points, kPa, > 0 in compression,
-        (n_cells, 3).
-    gauss_points
-        Reference coordinates of the Gauss points, (3, 2).
     """
 
     points: NDArray[np.float64]
+    """Reference coordinates of the nodes, mm, (n_nodes, 2); +x lateral, +y anterior."""
     cells: NDArray[np.int64]
+    """Node indices, (n_cells, 6)."""
     region: NDArray[np.int64]
+    """Region id of each cell, (n_cells,)."""
     region_names: dict[int, str]
     region_tissues: dict[int, str]
+    """By region id, one of `TISSUES`."""
     displacement: NDArray[np.float64]
+    """mm, (n_nodes, 2)."""
     stress: NDArray[np.float64]
+    """Cauchy stress s11, s22, s33, s12 at the Gauss points, kPa, (n_cells, 3, 4)."""
     deformation_gradient: NDArray[np.float64]
+    """In-plane F at the Gauss points, (n_cells, 3, 2, 2); F33 = 1 (plane strain)."""
     pressure: NDArray[np.float64]
-    gauss_points: NDArray[np.float64]
+    """Of the mixed field at the Gauss points, kPa, > 0 in compression, (n_cells, 3)."""
+    gauss_points: ClassVar[NDArray[np.float64]] = GAUSS_POINTS
 
     def __post_init__(self) -> None:
         n_nodes, n_cells = len(self.points), len(self.cells)
@@ -65,7 +52,6 @@ class SectionFields:
             "stress": (n_cells, 3, 4),
             "deformation_gradient": (n_cells, 3, 2, 2),
             "pressure": (n_cells, 3),
-            "gauss_points": (3, 2),
         }
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
@@ -76,8 +62,6 @@ class SectionFields:
             raise ValueError("cells is empty")
         if self.cells.min() < 0 or self.cells.max() >= n_nodes:
             raise ValueError(f"cells names nodes outside 0 to {n_nodes - 1}")
-        if not np.allclose(self.gauss_points, GAUSS_POINTS):
-            raise ValueError("gauss_points is not the 3-point rule (1/6, 1/6), (2/3, 1/6), ...")
         for region in map(int, np.unique(self.region)):
             if region not in self.region_names:
                 raise ValueError(f"region {region} has no name in region_names")
@@ -88,6 +72,15 @@ class SectionFields:
                 )
         if np.linalg.det(self.deformation_gradient).min() <= 0:
             raise ValueError("deformation_gradient has det F <= 0: a cell is inverted")
+
+    @property
+    def deformed(self) -> NDArray[np.float64]:
+        """Deformed positions of the nodes, mm, (n_nodes, 2)."""
+        return self.points + self.displacement
+
+    def cells_of(self, *tissues: str) -> NDArray[np.int64]:
+        """Return the indices of the cells of some tissues."""
+        return np.flatnonzero(np.isin(self.tissue, [TISSUES.index(name) for name in tissues]))
 
     @cached_property
     def gauss_area(self) -> NDArray[np.float64]:

@@ -50,6 +50,12 @@ SIGNED = ("shear_stress", "amp_log_strain", "shear_log_strain")
 SUMMARY_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
 SUMMARY_COLUMNS = ("tissue", "quantity", "value", "unit", "x_mm", "y_mm", "region")
 
+
+def reported(tissue: str) -> list[str]:
+    """Return the quantities of a tissue that the summary has; pressure is that in the vessels."""
+    return [name for name in UNITS if name != "pressure" or tissue == "vessel"]
+
+
 _NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
 
@@ -68,15 +74,8 @@ def log_strain(deformation_gradient: NDArray[np.float64]) -> NDArray[np.float64]
     ln V = (ln J / 2) I + ln((m + r)/J)/(2r) dev B, with B = F F^T, m = tr B / 2 and m -+ r its
     eigenvalues. The factor of dev B is regular as r -> 0, where eigenvectors are not.
 
-    Parameters
-    ----------
-    deformation_gradient
-        In-plane F, det F > 0, (..., 2, 2); F33 = 1.
-
-    Returns
-    -------
-    strain
-        e11, e22 and the tensor's e12 (half of the engineering shear), (..., 3).
+    The in-plane F (..., 2, 2) has det F > 0, and F33 = 1. The result, (..., 3), is e11, e22 and the
+    tensor's e12 (half of the engineering shear).
     """
     f = deformation_gradient
     b = f @ np.swapaxes(f, -1, -2)
@@ -100,22 +99,18 @@ def effective_stress(stress: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def absolute_maximum_principal(strain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Principal value of largest magnitude of e11, e22, e12 (..., 3), signed (AMP).
+def principal_strains(
+    strain: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return absolute maximum (AMP) and largest principal value of e11, e22, e12 (..., 3).
 
-    The principal values are a +- r with a = (e11 + e22)/2, and 0 out of the plane: a + r when
-    a >= 0, else a - r.
+    The principal values are a +- r with a = (e11 + e22)/2, and 0 out of the plane: that of largest
+    magnitude, signed, is a + r when a >= 0, else a - r; a + r is the largest in the plane.
     """
     e11, e22, e12 = np.moveaxis(strain, -1, 0)
     mean = 0.5 * (e11 + e22)
     radius = np.hypot(0.5 * (e11 - e22), e12)
-    return np.where(mean >= 0, mean + radius, mean - radius)
-
-
-def tensile_strain(strain: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the largest principal value in the plane of e11, e22, e12 (..., 3)."""
-    e11, e22, e12 = np.moveaxis(strain, -1, 0)
-    return 0.5 * (e11 + e22) + np.hypot(0.5 * (e11 - e22), e12)
+    return np.where(mean >= 0, mean + radius, mean - radius), mean + radius
 
 
 def first_largest(values: NDArray[np.float64]) -> int:
@@ -128,12 +123,13 @@ def _measures(
     stress: NDArray[np.float64], strain: NDArray[np.float64], pressure: NDArray[np.float64]
 ) -> dict[str, NDArray[np.float64]]:
     """Return all quantities, in `MEASURES`, from components at whatever points these are given."""
+    amp, tensile = principal_strains(strain)
     return {
         "effective_stress": effective_stress(stress),
         "shear_stress": stress[..., 3],
-        "amp_log_strain": 100 * absolute_maximum_principal(strain),
+        "amp_log_strain": 100 * amp,
         "shear_log_strain": 100 * 2 * strain[..., 2],  # engineering shear, Abaqus's LE12
-        "tensile_log_strain": 100 * tensile_strain(strain),
+        "tensile_log_strain": 100 * tensile,
         "pressure": pressure,
     }
 
@@ -159,21 +155,14 @@ def _node_average(
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Pairs of cells of one tissue with a common edge, by the lower cell index.
-
-    Attributes
-    ----------
-    cells
-        (n_pairs, 2).
-    corner
-        Each of the pair's nine nodes once, as an index into cells.ravel(), (n_pairs, 9).
-    edge_node
-        Node at the common edge's middle, (n_pairs,).
-    """
+    """Pairs of cells of one tissue with a common edge, by the lower cell index."""
 
     cells: NDArray[np.int64]
+    """(n_pairs, 2)."""
     corner: NDArray[np.int64]
+    """Each of the pair's nine nodes once, as an index into the section's cells.ravel(), (n, 9)."""
     edge_node: NDArray[np.int64]
+    """Node at the common edge's middle, (n_pairs,)."""
 
 
 def neighbours(fields: SectionFields) -> Neighbours:
@@ -197,31 +186,16 @@ def neighbours(fields: SectionFields) -> Neighbours:
 
 
 def pair_levels(nodal: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the level that each pair holds: min(fifth largest nodal value, lower cell mean).
-
-    Parameters
-    ----------
-    nodal
-        Values at each pair's nine nodes, (n_pairs, 9).
-    mean
-        Means of each pair's two cells, (n_pairs, 2).
-    """
+    """Return levels of pairs by nodal values (n_pairs, 9) and their cells' means (n_pairs, 2)."""
     fifth_largest = np.partition(nodal, 4, axis=1)[:, 4]
     return np.minimum(fifth_largest, mean.min(axis=1))
 
 
 @dataclass(frozen=True)
 class Maximum:
-    """The level of a quantity in a tissue, and where it is held.
+    """The level of a quantity in a tissue, signed for those of `SIGNED`, and where it is reached.
 
-    Attributes
-    ----------
-    value
-        In `MEASURES`, signed for the quantities of `SIGNED`; NaN where no pair of cells is.
-    x_mm, y_mm
-        Site in the reference section, mm.
-    region
-        Name of the region.
+    The site is in the reference section. All is NaN where the tissue has no pair of cells.
     """
 
     value: float
@@ -237,21 +211,6 @@ NOWHERE = Maximum(np.nan, np.nan, np.nan, "")
 class Quantities:
     """Stress and strain quantities of one section, by name, in `MEASURES`.
 
-    Attributes
-    ----------
-    fields
-        The section.
-    gauss
-        At each cell's Gauss points, (n_cells, 3).
-    nodal
-        Averages over the cells of the tissue at each cell's six nodes, (n_cells, 6).
-    mean
-        Mean over each cell's Gauss points, (n_cells,).
-    pairs
-        Pairs of neighbouring cells.
-
-    Notes
-    -----
     amp_log_strain is averaged as a magnitude, and has the sign of the average of the signed
     values: in an incompressible tissue e1 = -e2, and signed values of opposite sign would cancel.
     There the sign means nothing.
@@ -259,8 +218,11 @@ class Quantities:
 
     fields: SectionFields
     gauss: dict[str, NDArray[np.float64]]
+    """At each cell's Gauss points, (n_cells, 3)."""
     nodal: dict[str, NDArray[np.float64]]
+    """Averages over the cells of the tissue at each cell's six nodes, (n_cells, 6)."""
     mean: dict[str, NDArray[np.float64]]
+    """Mean over each cell's Gauss points, (n_cells,)."""
     pairs: Neighbours
 
     @classmethod
@@ -281,18 +243,16 @@ class Quantities:
         return cls(fields, gauss, nodal, mean, neighbours(fields))
 
     @cached_property
-    def _levels(self) -> dict[str, NDArray[np.float64]]:
-        return {}
-
-    def levels(self, quantity: str) -> NDArray[np.float64]:
-        """Return the level of a quantity that each pair of neighbours holds, (n_pairs,).
+    def levels(self) -> dict[str, NDArray[np.float64]]:
+        """Level of each quantity that each pair of neighbours holds, (n_pairs,).
 
         Stress and strain components are looked at in both directions, and the larger magnitude
         counts, with its sign; a pair that holds neither direction holds 0. amp_log_strain counts by
         its magnitude, with the sign that prevails in the two cells; pressure in compression.
         """
-        if quantity not in self._levels:
-            nodal = self.nodal[quantity].ravel()[self.pairs.corner]
+        found = {}
+        for quantity, values in self.nodal.items():
+            nodal = values.ravel()[self.pairs.corner]
             mean = self.mean[quantity][self.pairs.cells]
             levels = pair_levels(nodal, mean)
             if quantity == "amp_log_strain":
@@ -303,12 +263,8 @@ class Quantities:
                 down = pair_levels(-nodal, -mean)
                 sign = np.where(down > levels, -1.0, 1.0)
                 levels = sign * np.maximum(np.maximum(levels, down), 0.0)
-            self._levels[quantity] = levels
-        return self._levels[quantity]
-
-    @cached_property
-    def _maxima(self) -> dict[tuple[str, str], Maximum]:
-        return {}
+            found[quantity] = levels
+        return found
 
     def maximum(self, tissue: str, quantity: str) -> Maximum:
         """Return the level of a quantity in a tissue by the rule at the top of this file.
@@ -316,17 +272,11 @@ class Quantities:
         It is the one of `levels` with the largest magnitude (the largest pressure). A tissue
         without two neighbouring cells holds no level: NaN.
         """
-        key = (tissue, quantity)
-        if key not in self._maxima:
-            self._maxima[key] = self._find_maximum(tissue, quantity)
-        return self._maxima[key]
-
-    def _find_maximum(self, tissue: str, quantity: str) -> Maximum:
         inside = self._pairs_of(tissue)
         if not len(inside):
             return NOWHERE
         sized = np.abs if quantity in SIGNED else np.asarray
-        levels = self.levels(quantity)[inside]
+        levels = self.levels[quantity][inside]
         pair = first_largest(sized(levels))
         cells = self.pairs.cells[inside[pair]]
         fuller = cells[first_largest(sized(self.mean[quantity][cells]))]
@@ -345,7 +295,7 @@ class Quantities:
             return np.nan
         middle = self.fields.points[self.pairs.edge_node[inside]]
         nearest = np.argmin(np.linalg.norm(middle - (x_mm, y_mm), axis=1))
-        return float(self.levels(quantity)[inside[nearest]])
+        return float(self.levels[quantity][inside[nearest]])
 
     def _pairs_of(self, tissue: str) -> NDArray[np.int64]:
         return np.flatnonzero(self.fields.tissue[self.pairs.cells[:, 0]] == TISSUES.index(tissue))
@@ -374,13 +324,13 @@ def contact_quantities(fields: SectionFields, contact: ContactLine) -> dict[str,
 
 def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[float, float, str]:
     """Return reference position and region of the skin node nearest to a deformed position."""
-    skin = fields.cells[fields.tissue == TISSUES.index("skin")]
-    region = fields.region[fields.tissue == TISSUES.index("skin")]
-    deformed = (fields.points + fields.displacement)[skin]
+    inside = fields.cells_of("skin")
+    skin = fields.cells[inside]
+    deformed = fields.deformed[skin]
     distance = np.hypot(deformed[..., 0] - x_mm, deformed[..., 1] - y_mm)
     cell, corner = np.unravel_index(np.argmin(distance), distance.shape)
     x, y = fields.points[skin[cell, corner]]
-    return float(x), float(y), fields.region_names[int(region[cell])]
+    return float(x), float(y), fields.region_names[int(fields.region[inside[cell]])]
 
 
 def summary(
@@ -396,9 +346,8 @@ def summary(
     for tissue in SUMMARY_TISSUES:
         if TISSUES.index(tissue) not in fields.tissue:
             continue
-        for quantity, unit in UNITS.items():
-            if quantity != "pressure" or tissue == "vessel":
-                rows.append((tissue, quantity, unit, quantities.maximum(tissue, quantity)))
+        for name in reported(tissue):
+            rows.append((tissue, name, UNITS[name], quantities.maximum(tissue, name)))
         if tissue == "skin":
             found = levels or contact_quantities(fields, contact)
             rows += [(tissue, name, CONTACT_UNITS[name], value) for name, value in found.items()]

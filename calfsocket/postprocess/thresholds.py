@@ -39,31 +39,21 @@ SHARE = "share_of_"
 
 @dataclass(frozen=True)
 class Threshold:
-    """A value of a quantity in a tissue.
-
-    Attributes
-    ----------
-    quantity : str
-        One of `THRESHOLD_UNITS`; "contact_pressure" is that on the skin.
-    tissue : str
-        One of `quantities.SUMMARY_TISSUES`.
-    value : float
-        In the quantity's unit, above 0.
-    """
+    """A value above 0 of a quantity in one of `SUMMARY_TISSUES`."""
 
     quantity: str
+    """One of `THRESHOLD_UNITS`; "contact_pressure" is that on the skin."""
     tissue: str
     value: float
+    """In the quantity's unit."""
 
     def __post_init__(self) -> None:
         if self.quantity not in THRESHOLD_UNITS:
-            raise InputError(
-                f"quantity is {self.quantity!r}; use one of {', '.join(THRESHOLD_UNITS)}"
-            )
+            raise InputError(f"quantity is {self.quantity!r}; use {', '.join(THRESHOLD_UNITS)}")
         tissues = ("skin",) if self.quantity == CONTACT_PRESSURE else SUMMARY_TISSUES
         if self.tissue not in tissues:
             raise InputError(
-                f"tissue is {self.tissue!r}; for {self.quantity} use one of {', '.join(tissues)}"
+                f"tissue is {self.tissue!r}; for {self.quantity} use {', '.join(tissues)}"
             )
         if not (math.isfinite(self.value) and self.value > 0):
             raise InputError(f"value is {self.value} {self.unit}; use a finite number above 0")
@@ -82,7 +72,7 @@ class Threshold:
 
 def tissue_area(fields: SectionFields, tissue: str) -> float:
     """Area of a tissue in the reference section, mm^2."""
-    return float(fields.gauss_area[fields.tissue == TISSUES.index(tissue)].sum())
+    return float(fields.gauss_area[fields.cells_of(tissue)].sum())
 
 
 def area_beyond(quantities: Quantities, threshold: Threshold) -> float:
@@ -95,12 +85,11 @@ def area_beyond(quantities: Quantities, threshold: Threshold) -> float:
 
 
 def share_beyond(quantities: Quantities, contact: ContactLine, threshold: Threshold) -> float:
-    """Share of a tissue, 0 to 1, that is beyond a threshold, as defined at the top of this file."""
+    """Return the share of a tissue, 0 to 1, that is beyond a threshold (see this module)."""
     if threshold.quantity == CONTACT_PRESSURE:
         beyond = contact.running_mean_kPa > threshold.value
         return float(contact.weight_mm[beyond].sum() / contact.weight_mm.sum())
-    area = tissue_area(quantities.fields, threshold.tissue)
-    return area_beyond(quantities, threshold) / area
+    return area_beyond(quantities, threshold) / tissue_area(quantities.fields, threshold.tissue)
 
 
 def shares_beyond(

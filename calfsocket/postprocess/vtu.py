@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calfsocket.io.files import replacing
-from calfsocket.postprocess.fields import GAUSS_POINTS, TISSUES, SectionFields
+from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import UNITS, Quantities
 
 FIELDS_FILE = "fields.vtu"
@@ -82,7 +82,7 @@ def read_fields(folder: Path) -> SectionFields:
     points[node] = grid.points[:, :2]
     displacement[node] = grid.point_data["displacement"][:, :2]
     ids = [int(i) for i in grid.field_data["region_ids"]]
-    n_cells = grid.n_cells
+    gauss = (grid.n_cells, 3)
     return SectionFields(
         points=points,
         cells=node[grid.cells_dict[pyvista.CellType.QUADRATIC_TRIANGLE]],
@@ -90,10 +90,9 @@ def read_fields(folder: Path) -> SectionFields:
         region_names=dict(zip(ids, map(str, grid.field_data["region_names"]), strict=True)),
         region_tissues=dict(zip(ids, map(str, grid.field_data["region_tissues"]), strict=True)),
         displacement=displacement,
-        stress=np.asarray(grid.cell_data["gauss_stress_kPa"]).reshape(n_cells, 3, 4),
-        deformation_gradient=np.asarray(grid.cell_data["gauss_deformation_gradient"]).reshape(
-            n_cells, 3, 2, 2
+        stress=np.reshape(grid.cell_data["gauss_stress_kPa"], (*gauss, 4)),
+        deformation_gradient=np.reshape(
+            grid.cell_data["gauss_deformation_gradient"], (*gauss, 2, 2)
         ),
         pressure=np.asarray(grid.cell_data["gauss_pressure_kPa"]),
-        gauss_points=GAUSS_POINTS,
     )

@@ -32,7 +32,7 @@ def sector(x_mm: float, y_mm: float) -> str:
 
 
 def answer(findings: Findings) -> list[Line]:
-    """Return what the sockets do to the limb, without lines that the study has no results for."""
+    """Return what the sockets do to the limb, as far as the study's cases show it."""
     results, changes = findings.results, findings.changes
     lines = [_contact(results), *(_tissue(results, tissue) for tissue in SUMMARY_TISSUES)]
     if len(changes):
@@ -73,29 +73,24 @@ def _contact(results: Results) -> Line:
             for socket in peaks.socket
         }
     )
-    if len(peaks) > MOST_NAMED:
-        return _contact_of_many(peaks, means, material_set)
-    largest = [
-        f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
-    ]
-    average = listed(means.map(number))
+    if len(peaks) <= MOST_NAMED:
+        average = f"{listed(means.map(number))} kPa in {listed(peaks.socket)}"
+        largest = listed(
+            f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
+        )
+    else:
+        lowest, highest = (
+            f"{number(means[socket])} kPa in {socket}"
+            for socket in (means.idxmin(), means.idxmax())
+        )
+        average = f"{lowest} to {highest}, of {len(peaks)} sockets"
+        worst = peaks.loc[peaks.value.idxmax()]
+        where = sector(worst.x_mm, worst.y_mm)
+        largest = f"{number(worst.value)} kPa in {worst.socket} ({where})"
     return Line(
         "Contact pressure",
-        f"On average {average} kPa in {listed(peaks.socket)}; at most {listed(largest)} "
+        f"On average {average}; at most {largest} "
         f"({names.material_set(material_set)} set; the leg bears no weight).",
-    )
-
-
-def _contact_of_many(peaks: pd.DataFrame, means: pd.Series, material_set: str) -> Line:
-    """Return the range over sockets that are too many to name."""
-    lowest, highest = means.idxmin(), means.idxmax()
-    worst = peaks.loc[peaks.value.idxmax()]
-    return Line(
-        "Contact pressure",
-        f"On average {number(means[lowest])} kPa in {lowest} to {number(means[highest])} kPa in "
-        f"{highest}, of {len(peaks)} sockets; at most {number(worst.value)} kPa in {worst.socket} "
-        f"({sector(worst.x_mm, worst.y_mm)}) ({names.material_set(material_set)} set; the leg "
-        "bears no weight).",
     )
 
 
@@ -112,7 +107,7 @@ def _tissue(results: Results, tissue: str) -> Line:
     parts = []
     for row in most:
         where = [] if same else [row.socket]
-        if tissue not in row.region:  # "deep_fascia" tells no more than "fascia"
+        if tissue not in row.region:  # "deep_fascia" adds nothing to "fascia"
             where.append(names.region(row.region))
         where.append(sector(row.x_mm, row.y_mm))
         value = f"{names.QUANTITIES[row.quantity]} {number(abs(row.value))} {row.unit}"
@@ -135,7 +130,7 @@ def _merging_and_pressure(changes: pd.DataFrame) -> Line:
 
 
 def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
-    """Return how maxima of the tissues change in magnitude, and which tissue has the largest."""
+    """Return how the tissues' largest values change, and which tissue has the largest of all."""
     both = changes[changes.site == "max_both"].set_index(["tissue", "quantity"]).sort_index()
     parts = []
     for tissue in ("fascia", "muscle"):

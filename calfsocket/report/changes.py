@@ -18,17 +18,14 @@ import pandas as pd
 from calfsocket.postprocess.quantities import (
     NOWHERE,
     SUMMARY_TISSUES,
-    UNITS,
     Maximum,
     first_largest,
+    reported,
 )
+from calfsocket.report.names import SETS
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
 
-SETS = ("separate", "combined")
-"""Material sets that are compared."""
-
-SITES = ("max_separate", "max_combined", "max_both")
 COLUMNS = (
     "socket",
     "tissue",
@@ -77,18 +74,18 @@ def relative_changes(results: Results) -> pd.DataFrame:
     for socket in complete_sockets(results):
         pair = results[socket, "separate"], results[socket, "combined"]
         for tissue in SUMMARY_TISSUES:
-            for quantity in UNITS:
-                if quantity != "pressure" or tissue == "vessel":
-                    about = {"socket": socket, "tissue": tissue, "quantity": quantity}
-                    rows += [about | row for row in _tissue_rows(*pair, tissue, quantity)]
+            found = [row for name in reported(tissue) for row in _tissue_rows(*pair, tissue, name)]
             if tissue == "skin":
-                about = {"socket": socket, "tissue": tissue}
-                rows += [about | row for row in _contact_rows(*pair)]
+                found += _contact_rows(*pair)
+            rows += [{"socket": socket, "tissue": tissue, **row} for row in found]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _row(separate: float, combined: float, site: str, place: Maximum = NOWHERE) -> dict[str, Any]:
+def _row(
+    quantity: str, site: str, separate: float, combined: float, place: Maximum = NOWHERE
+) -> dict[str, Any]:
     return {
+        "quantity": quantity,
         "site": site,
         "separate": separate,
         "combined": combined,
@@ -107,23 +104,21 @@ def _tissue_rows(
     c_at_s = combined.quantities.level_at(tissue, quantity, s.x_mm, s.y_mm)
     s_at_c = separate.quantities.level_at(tissue, quantity, c.x_mm, c.y_mm)
     return [
-        _row(s.value, c_at_s, "max_separate", s),
-        _row(s_at_c, c.value, "max_combined", c),
-        _row(s.value, c.value, "max_both"),
+        _row(quantity, "max_separate", s.value, c_at_s, s),
+        _row(quantity, "max_combined", s_at_c, c.value, c),
+        _row(quantity, "max_both", s.value, c.value),
     ]
 
 
 def _contact_rows(separate: Result, combined: Result) -> list[dict[str, Any]]:
-    pair = (separate, combined)
-    # point by point: the skin's mesh is the same in both sets
-    smooth = [each.line.running_mean_kPa for each in pair]
-    found = [each.contact_levels for each in pair]
+    peak, mean = "contact_pressure_max", "contact_pressure_mean"
     rows = []
-    for site, own, levels in zip(SITES, smooth, found, strict=False):
-        point, place = first_largest(own), levels["contact_pressure_max"]
-        row = _row(smooth[0][point], smooth[1][point], site, place)
-        rows.append({"quantity": "contact_pressure_max", **row})
-    for quantity in ("contact_pressure_max", "contact_pressure_mean"):
-        values = [levels[quantity].value for levels in found]
-        rows.append({"quantity": quantity, **_row(values[0], values[1], "max_both")})
+    for site, each in (("max_separate", separate), ("max_combined", combined)):
+        # point by point: the skin's mesh is the same in both sets
+        point = first_largest(each.line.running_mean_kPa)
+        s, c = (result.line.running_mean_kPa[point] for result in (separate, combined))
+        rows.append(_row(peak, site, s, c, each.contact_levels[peak]))
+    for quantity in (peak, mean):
+        s, c = (result.contact_levels[quantity].value for result in (separate, combined))
+        rows.append(_row(quantity, "max_both", s, c))
     return rows

@@ -12,40 +12,22 @@ from calfsocket.report.table import Table
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure that a report draws.
-
-    Attributes
-    ----------
-    name
-        Without blanks; the files are called ``figure<number>_<name>``.
-    title, caption
-        What it shows.
-    draw
-        Draws it.
-    number
-        Its number; figures without one are counted in the order of the page.
-    """
+    """A figure that a report draws into files called ``figure<number>_<name>``."""
 
     name: str
     title: str
     caption: str
     draw: Callable[[], figure.Figure]
     number: str = ""
+    """Figures without one are counted in the order of the page."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A figure whose files are there.
-
-    Attributes
-    ----------
-    name, title, caption, number
-        As of `Figure`; the name is that of the files.
-    png, pdf
-        The files.
-    """
+    """A figure whose files are there."""
 
     name: str
+    """That of the files, without ending."""
     title: str
     caption: str
     number: str
@@ -65,25 +47,15 @@ Content = Figure | Drawn | Table | Note | Markup
 
 @dataclass(frozen=True)
 class Chapter:
-    """A chapter of the page.
-
-    Attributes
-    ----------
-    anchor
-        Name within the page. What a guest's chapter holds is added to the report's of that name.
-    title, intro
-        Heading, and the paragraph below it.
-    content
-        Figures, tables and more, in order.
-    after
-        Anchor of the report's chapter that a guest's follows.
-    """
+    """A chapter of the page: heading, the paragraph below it, and what it holds."""
 
     anchor: str
+    """Name within the page. What a guest's chapter holds is added to the report's of that name."""
     title: str = ""
     intro: str = ""
     content: tuple[Content, ...] = ()
     after: str = ""
+    """Anchor of the report's chapter that a guest's follows."""
 
 
 @dataclass(frozen=True)
@@ -96,34 +68,21 @@ class Line:
 
 @dataclass(frozen=True)
 class Guest:
-    """What a guest adds to a report.
-
-    Attributes
-    ----------
-    title
-        Of the page, where the study has none of its own.
-    chapters
-        See `Chapter`.
-    lines
-        Of the answer; one whose topic the report has is added to that line.
-    warnings
-        What a reader must know before using a number.
-    note
-        Paragraph below the answer.
-    numbers, captions
-        Numbers of the report's figures by their names, and sentences added to their captions.
-    tables
-        Written beside the page's, but not shown as tables.
-    replaces
-        Names of tables of the report that say no more than those of the guest.
-    """
+    """What a guest adds to a report."""
 
     title: str = ""
+    """Of the page, where the study has none of its own."""
     chapters: tuple[Chapter, ...] = ()
     lines: tuple[Line, ...] = ()
+    """Of the answer; one whose topic the report has is added to that line."""
     warnings: tuple[str, ...] = ()
     note: str = ""
+    """Paragraph below the answer."""
     numbers: Mapping[str, str] = field(default_factory=dict)
+    """Of the report's figures, by their names."""
     captions: Mapping[str, str] = field(default_factory=dict)
+    """Sentences added to those of the report's figures, by their names."""
     tables: tuple[Table, ...] = ()
+    """Written beside the page's, but not shown as tables."""
     replaces: tuple[str, ...] = ()
+    """Names of tables of the report that say no more than those of the guest."""

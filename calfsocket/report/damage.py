@@ -1,8 +1,8 @@
 """Where strains pass a damage threshold: how much of muscle and of fascia, and by how much.
 
 Default thresholds are 50 % shear strain in muscle, whose volume beyond it is the damage risk volume
-(Moerman et al.), and 27 % strain of leg fascia in tensile tests (Stecco et al.). Fascia is held
-against the latter by its absolute maximum principal strain, also where that is compressive, by its
+(Moerman et al.), and 27 % strain of leg fascia in tensile tests (Stecco et al.). Fascia is compared
+with the latter by its absolute maximum principal strain, also where that is compressive, by its
 tensile principal strain and by its shear strain.
 """
 
@@ -19,23 +19,17 @@ from calfsocket.simulation.results import Results
 
 @dataclass(frozen=True)
 class DamageThresholds:
-    """Strains beyond which tissue is counted as at risk, %.
-
-    Attributes
-    ----------
-    muscle_shear_pct : float
-        Of |LE12|, the engineering shear.
-    fascia_strain_pct : float
-        Of |AMP|, of the tensile principal strain, and of |LE12|.
-    """
+    """Strains beyond which tissue is counted as at risk, %."""
 
     muscle_shear_pct: float = 50.0
+    """Of |LE12|, the engineering shear."""
     fascia_strain_pct: float = 27.0
+    """Of |AMP|, of the tensile principal strain, and of |LE12|."""
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{key} is {value}; it must be a strain above 0, in %")
+                raise InputError(f"{key} is {value} %; it must be above 0")
 
     @property
     def all(self) -> tuple[Threshold, ...]:

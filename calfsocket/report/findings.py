@@ -8,20 +8,12 @@ import pandas as pd
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import DamageThresholds, damage
 from calfsocket.report.variants import BASE, variants
-from calfsocket.simulation.results import Key, Results
+from calfsocket.simulation.results import Results
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A study's results and what follows from them.
-
-    Attributes
-    ----------
-    study : Results
-        All cases.
-    thresholds : DamageThresholds
-        Strains beyond which tissue is counted as at risk.
-    """
+    """A study's results and what follows from them."""
 
     study: Results
     thresholds: DamageThresholds = field(default_factory=DamageThresholds)
@@ -40,9 +32,3 @@ class Findings:
     def damage(self) -> pd.DataFrame:
         """Strains against the damage thresholds."""
         return damage(self.results, self.thresholds)
-
-    def of(self, keys: list[Key]) -> "Findings":
-        """Return the findings of some of the cases; these, where they are all."""
-        if keys == list(self.results):
-            return self
-        return Findings(self.study.only(keys), self.thresholds)

@@ -35,9 +35,3 @@ def laws(results: Results) -> Laws:
         for key, record in results.records.items()
     }
     return known | {name: found for name, found in own.items() if found is not None}
-
-
-def title(results: Results) -> str:
-    """Title of the study file; empty without one."""
-    content = results.run.study.content if results.run else {}
-    return content.get("study", {}).get("title") or ""

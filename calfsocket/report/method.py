@@ -5,12 +5,10 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.report import inputs, names
+from calfsocket.report.answer import MOST_NAMED
 from calfsocket.report.table import Table, number
 from calfsocket.simulation.record import StudyRecord
 from calfsocket.simulation.results import Results
-
-MOST_NAMED = 4
-"""Sockets that the summary names."""
 
 SETTINGS = {
     "size": "mesh size",
@@ -26,7 +24,7 @@ SETTINGS = {
     "growth": "growth of steps",
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
-    "extrapolate": "predictor",
+    "extrapolate": "extrapolation from the last two steps",
 }
 """Words for settings; one that is not here keeps its name."""
 
@@ -42,7 +40,7 @@ def tables(results: Results) -> list[Table]:
 
 
 def summary(results: Results) -> str:
-    """Describe in one sentence what was solved."""
+    """Return in one sentence what was solved."""
     runs = "; ".join(
         f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
     )
@@ -79,7 +77,7 @@ def _sets(results: Results, socket: str) -> list[str]:
 
 
 def _cases(results: Results) -> Table:
-    """One row a case: size of the problem, the way to its end, and what it was judged by."""
+    """Make a row for each case: size of the problem, steps and checks."""
     data = pd.DataFrame(
         [
             {
@@ -130,7 +128,7 @@ def _settings(found: dict[str, Any]) -> Table:
     data = pd.DataFrame({"setting": list(found), "value": [_text(found[key]) for key in found]})
     shown = data.set_index(data.setting.map(lambda key: SETTINGS.get(key, key)))[["value"]]
     return Table(
-        "settings", "Settings", "Shared by all runs, but for what is changed in some.", data, shown
+        "settings", "Settings", "Shared by all runs, except for the changes of some.", data, shown
     )
 
 

@@ -1,12 +1,8 @@
 """Names that people read, for what the files call otherwise."""
 
-TISSUES = {
-    "skin": "skin",
-    "fat": "fat",
-    "muscle": "muscle",
-    "fascia": "fascia",
-    "vessel": "vessels",
-}
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+
+TISSUES = {name: name for name in SUMMARY_TISSUES} | {"vessel": "vessels"}
 QUANTITIES = {
     "effective_stress": "effective stress",
     "shear_stress": "shear stress",
@@ -24,6 +20,7 @@ SITES = {
     "max_both": "of the maxima",
 }
 SETS = {"separate": "Separate", "combined": "Combined"}
+"""Material sets that are compared."""
 
 
 def material_set(name: str) -> str:

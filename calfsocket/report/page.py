@@ -23,23 +23,7 @@ WIDTH_PX = 1600  # of a figure: sharp on a phone at three pixels a point, on pap
 
 @dataclass(frozen=True)
 class Page:
-    """What the page shows.
-
-    Attributes
-    ----------
-    title, summary : str
-        Heading, and one sentence on what was solved.
-    warnings : sequence of str
-        What a reader must know before using a number.
-    answer : sequence of Line
-        What stands at the top.
-    notes : sequence of str
-        Paragraphs below the answer.
-    chapters : sequence of Chapter
-        Their figures are drawn.
-    method : sequence of Table
-        How it was computed.
-    """
+    """What the page shows: the answer with notes below it, chapters whose figures are drawn."""
 
     title: str
     summary: str

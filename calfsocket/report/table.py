@@ -19,27 +19,16 @@ TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not 
 
 @dataclass(frozen=True)
 class Table:
-    """A table with everything a reader needs beside it.
-
-    Attributes
-    ----------
-    name : str
-        File name without ending.
-    title, caption : str
-        Heading, and what the cells say.
-    data : DataFrame
-        All numbers, one row a thing, for programs.
-    shown : DataFrame
-        Cells as people read them, plain text; row and column labels are the index and the columns.
-    notes : tuple of str
-        Remarks on single cells.
-    """
+    """A table with everything a reader needs beside it."""
 
     name: str
+    """File name without ending."""
     title: str
     caption: str
     data: pd.DataFrame
+    """All numbers, one row a thing, for programs."""
     shown: pd.DataFrame
+    """Cells as people read them, plain text; index and columns are the labels."""
     notes: tuple[str, ...] = ()
 
     def html(self) -> Markup:
@@ -65,8 +54,8 @@ class Table:
         """Write NAME.csv, NAME.md and NAME.html."""
         with replacing(folder / f"{self.name}.csv") as path:
             self.data.to_csv(path, index=False, float_format=FLOAT_FORMAT)
-        for ending, text in (("md", self.markdown()), ("html", str(self.html()))):
-            with replacing(folder / f"{self.name}.{ending}") as path:
+        for extension, text in (("md", self.markdown()), ("html", str(self.html()))):
+            with replacing(folder / f"{self.name}.{extension}") as path:
                 path.write_text(text, encoding="utf-8")
 
 
@@ -97,10 +86,10 @@ def change(value: float) -> str:
 
 
 def spread(
-    cells: pd.DataFrame, rows: list[str], columns: list[str], text: "pd.Series[str]"
+    cells: pd.DataFrame, rows: list[str], columns: list[str], text: Iterable[str]
 ) -> pd.DataFrame:
     """Arrange one text per row of `cells` in a table, in the order of first appearance."""
-    frame = cells[rows + columns].assign(text=text)
+    frame = cells[rows + columns].assign(text=[*text])
     for name in rows + columns:
         frame[name] = pd.Categorical(frame[name], frame[name].unique(), ordered=True)
     wide = frame.pivot(index=rows, columns=columns, values="text")

@@ -62,8 +62,8 @@ def maxima(results: Results) -> Table:
     return Table(
         "maxima",
         "Largest stresses and strains of every case",
-        "Levels held by two neighbouring elements and five of their nodes; contact pressure as a "
-        "3 mm running mean along the skin, and its mean over the skin in contact.",
+        "Levels reached in two neighbouring elements and five of their nodes; contact pressure as "
+        "a 3 mm running mean along the skin, and its mean over the skin in contact.",
         data,
         spread(shown, ["tissue", "quantity"], ["socket", "material_set"], shown.value.map(number)),
     )
@@ -74,7 +74,6 @@ def thresholds(results: Results) -> Table | None:
     data = results.summary[results.summary.quantity.str.startswith(SHARE)]
     if data.empty:
         return None
-    data = data.reset_index(drop=True)
     words = data.quantity.str.removeprefix(SHARE).str.replace("_", " ")
     shown = in_words(data).assign(threshold=words)
     return Table(
@@ -90,10 +89,9 @@ def thresholds(results: Results) -> Table | None:
 def damage(data: pd.DataFrame) -> Table:
     """Strains against damage thresholds (`damage.damage`)."""
     text = [
-        f"{number(level)} ({number(area)}{TOGETHER}mm²,{TOGETHER}{number(share)}{TOGETHER}%)"
-        for level, area, share in zip(
-            data.level_pct, data.area_mm2, data.area_share_pct, strict=True
-        )
+        f"{number(row.level_pct)} ({number(row.area_mm2)}{TOGETHER}mm²,"
+        f"{TOGETHER}{number(row.area_share_pct)}{TOGETHER}%)"
+        for row in data.itertuples()
     ]
     limit = [f"{value:g} %" for value in data.threshold_pct]
     return Table(
@@ -108,7 +106,7 @@ def damage(data: pd.DataFrame) -> Table:
             in_words(data).assign(threshold=limit),
             ["tissue", "quantity", "threshold"],
             ["socket", "material_set"],
-            pd.Series(text),
+            text,
         ),
     )
 

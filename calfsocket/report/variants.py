@@ -108,21 +108,16 @@ def _variants_table(of: Mapping[str, Results]) -> Table:
 
 
 def _dependence_table(data: pd.DataFrame) -> Table:
-    words = in_words(data)
-    text = pd.Series(
-        [
-            f"{TIMES}{number(row.median)} ({number(row.low)} to {number(row.high)})"
-            + ("" if row.robust else " *")
-            for row in data.itertuples()
-        ],
-        index=data.index,
-        dtype=object,
-    )
+    text = [
+        f"{TIMES}{number(row.median)} ({number(row.low)} to {number(row.high)})"
+        + ("" if row.robust else " *")
+        for row in data.itertuples()
+    ]
     return Table(
         "dependence",
         "Which quantity depends on which choice",
         "Magnitude under the variant over that of the base: median over sockets, and range. *: the "
         f"median moves by more than {100 * (ROBUST - 1):.0f} %.",
         data,
-        spread(words, _ROW, ["variant"], text),
+        spread(in_words(data), _ROW, ["variant"], text),
     )

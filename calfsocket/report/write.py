@@ -6,7 +6,7 @@ from pathlib import Path
 
 from calfsocket.io.errors import InputError
 from calfsocket.plotting.style import save, type_set
-from calfsocket.report import answer, inputs, method, tables, variants
+from calfsocket.report import answer, method, tables, variants
 from calfsocket.report.chapters import Chapter, Content, Drawn, Figure, Guest
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.figures import figures
@@ -28,14 +28,7 @@ def write_report(
 ) -> Path:
     """Write tables/, figures/ and report.html into a study's folder; return the page's path.
 
-    Parameters
-    ----------
-    results : Results
-        Of a study, complete or not.
-    guests : sequence of callable
-        Return what they add to the report of a study, or None.
-    thresholds : DamageThresholds, optional
-        Strains beyond which tissue is counted as at risk.
+    The study may be incomplete. Guests return what they add to its report, or None.
 
     Raises
     ------
@@ -51,11 +44,7 @@ def write_report(
         )
     findings = Findings(results, thresholds or DamageThresholds())
     added = [guest for make in guests if (guest := make(findings)) is not None]
-    chapters = _numbered(_joined(_chapters(findings), added), added)
-    made = [
-        replace(chapter, content=tuple(_drawn(each, results.folder) for each in chapter.content))
-        for chapter in chapters
-    ]
+    made = _drawn(_joined(_chapters(findings), added), added, results.folder / FIGURES)
     shown = [each for chapter in made for each in chapter.content if isinstance(each, Table)]
     for table in (*shown, *(table for each in added for table in each.tables)):
         table.write(results.folder / TABLES)
@@ -72,7 +61,8 @@ def write_report(
 
 
 def _title(results: Results, guests: Sequence[Guest]) -> str:
-    titles = [inputs.title(results), *(guest.title for guest in guests)]
+    content = results.run.study.content if results.run else {}
+    titles = [content.get("study", {}).get("title"), *(guest.title for guest in guests)]
     return next(filter(None, titles), TITLE)
 
 
@@ -101,8 +91,8 @@ def _chapters(findings: Findings) -> list[Chapter]:
             "stress",
             "Stress",
             "Compression, distortion and shear of the tissues at rest in the socket, without body "
-            "weight. The largest value of a tissue is the largest level held by two neighbouring "
-            "elements and five of their nodes, so that no single point decides.",
+            "weight. The largest value of a tissue is the largest level reached in two "
+            "neighbouring elements and five of their nodes, so that no single point decides.",
             content(drawn["effective_stress"]),
         ),
         Chapter(
@@ -127,35 +117,30 @@ def _chapters(findings: Findings) -> list[Chapter]:
     ]
 
 
-def _joined(own: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
+def _joined(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
     """Add guests' chapters to those of the same anchor, or behind the one that they follow."""
     replaced = {name for guest in guests for name in guest.replaces}
-    chapters = [
-        replace(
-            chapter,
-            content=tuple(
-                each for each in chapter.content if getattr(each, "name", None) not in replaced
-            ),
-        )
-        for chapter in own
-    ]
+    joined = []
+    for chapter in chapters:
+        kept = (each for each in chapter.content if getattr(each, "name", None) not in replaced)
+        joined.append(replace(chapter, content=tuple(kept)))
     for chapter in (chapter for guest in guests for chapter in guest.chapters):
-        anchors = [each.anchor for each in chapters]
+        anchors = [each.anchor for each in joined]
         if chapter.anchor in anchors:
             place = anchors.index(chapter.anchor)
-            known = chapters[place]
+            known = joined[place]
             title = chapter.title or known.title
             intro = f"{known.intro} {chapter.intro}".strip()
             content = (*known.content, *chapter.content)
-            chapters[place] = replace(known, title=title, intro=intro, content=content)
+            joined[place] = replace(known, title=title, intro=intro, content=content)
         else:
-            place = anchors.index(chapter.after) + 1 if chapter.after else len(chapters)
-            chapters.insert(place, chapter)
-    return [chapter for chapter in chapters if chapter.content]
+            place = anchors.index(chapter.after) + 1 if chapter.after else len(joined)
+            joined.insert(place, chapter)
+    return [chapter for chapter in joined if chapter.content]
 
 
-def _numbered(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
-    """Return the chapters with figures numbered as guests say, or in the order of the page."""
+def _drawn(chapters: Sequence[Chapter], guests: Sequence[Guest], folder: Path) -> list[Chapter]:
+    """Draw the chapters' figures into files, numbered as guests say, or in the page's order."""
     numbers = {name: number for guest in guests for name, number in guest.numbers.items()}
     captions = {name: text for guest in guests for name, text in guest.captions.items()}
     count = 0
@@ -163,23 +148,16 @@ def _numbered(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chap
     for chapter in chapters:
         content: list[Content] = []
         for each in chapter.content:
-            if isinstance(each, Figure) and not each.number:
-                count += 1
-                each = replace(
-                    each,
-                    number=numbers.get(each.name, str(count)),
-                    caption=f"{each.caption} {captions.get(each.name, '')}".strip(),
-                )
+            if isinstance(each, Figure):
+                number, caption = each.number, each.caption
+                if not number:
+                    count += 1
+                    number = numbers.get(each.name, str(count))
+                    caption = f"{caption} {captions.get(each.name, '')}".strip()
+                name = f"figure{number}_{each.name}"
+                with type_set():
+                    files = save(each.draw(), folder, name)
+                each = Drawn(name, each.title, caption, number, *files)
             content.append(each)
         made.append(replace(chapter, content=tuple(content)))
     return made
-
-
-def _drawn(content: Content, folder: Path) -> Content:
-    """Draw a figure into its files; other content stays as it is."""
-    if not isinstance(content, Figure):
-        return content
-    name = f"figure{content.number}_{content.name}"
-    with type_set():
-        png, pdf = save(content.draw(), folder / FIGURES, name)
-    return Drawn(name, content.title, content.caption, content.number, png, pdf)

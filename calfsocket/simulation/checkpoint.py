@@ -1,8 +1,8 @@
-"""How far a case has come: its last equilibrium in a file, to go on from after a break.
+"""How far a case has come: its last equilibrium in a file, to continue from after an interruption.
 
 Unknowns are kept cell by cell and the slip history edge by edge, in the mesh generator's order: a
-case may go on with another number of ranks. What solves a case decides the last digits too, so a
-checkpoint is taken up only with the same inputs, mesh, options and versions.
+case may continue with another number of ranks. What solves a case decides the last digits too, so a
+checkpoint is used only with the same inputs, mesh, options and versions.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ def conditions() -> dict[str, Any]:
 
 
 class CheckpointError(CalfsocketError):
-    """A checkpoint cannot be taken up."""
+    """A checkpoint cannot be used."""
 
 
 class Checkpoint:
@@ -50,7 +50,7 @@ class Checkpoint:
         self._model = model
         domain = model.section.mesh
         text = json.dumps(inputs, sort_keys=True, default=str)
-        mesh = self._gather_cells(np.asarray(domain.geometry.x[domain.geometry.dofmap]))
+        mesh = self._collect_cells(np.asarray(domain.geometry.x[domain.geometry.dofmap]))
         digest = ""
         if mesh is not None:
             digest = hashlib.sha256(text.encode() + mesh.tobytes()).hexdigest()
@@ -66,7 +66,7 @@ class Checkpoint:
         """
         unknowns = self._unknowns_in_cells(milestone.unknowns)
         before = self._unknowns_in_cells(milestone.unknowns_before)
-        arc = self._gather_skin(milestone.converged_arc)
+        arc = self._collect_skin(milestone.converged_arc)
         if unknowns is None or before is None or arc is None:
             return
         content = {
@@ -98,8 +98,8 @@ class Checkpoint:
         if self._model.comm.rank == 0 and self.path.exists():
             try:
                 read = self._read()
-            except Exception as error:  # whatever is wrong with it, the case can start anew
-                refusal = f"{self.path}: cannot be taken up: {in_one_line(error)}"
+            except Exception as error:  # whatever is wrong with it, the case can start again
+                refusal = f"{self.path}: cannot be used: {in_one_line(error)}"
         refusal, read = self._model.comm.bcast((refusal, read), root=0)
         if refusal:
             raise CheckpointError(refusal)
@@ -121,23 +121,23 @@ class Checkpoint:
             arrays = dict(file)
         content = json.loads(str(arrays.pop("content")))
         if content["fingerprint"] != self._fingerprint:
-            raise CheckpointError("made with other inputs, options or versions")
+            raise CheckpointError("it was made with other inputs, options or versions")
         return content, arrays
 
     # -- unknowns, cell by cell -----------------------------------------------------------------
 
-    def _gather_cells(self, values: NDArray[Any]) -> NDArray[Any] | None:
+    def _collect_cells(self, values: NDArray[Any]) -> NDArray[Any] | None:
         """Values of this rank's cells, one row a cell, as those of all cells on rank 0."""
         topology = self._model.section.mesh.topology
         owned = topology.index_map(2).size_local
-        return self._gather(topology.original_cell_index[:owned], values[:owned])
+        return self._collect(topology.original_cell_index[:owned], values[:owned])
 
     def _unknowns_in_cells(self, x: PETSc.Vec) -> NDArray[Any] | None:
         V = self._model.V
         w = fem.Function(V)
         w.x.array[: V.dofmap.index_map.size_local] = x.array_r
         w.x.scatter_forward()
-        return self._gather_cells(w.x.array[V.dofmap.list])
+        return self._collect_cells(w.x.array[V.dofmap.list])
 
     def _vector(self, in_cells: NDArray[Any]) -> PETSc.Vec:
         V = self._model.V
@@ -154,20 +154,20 @@ class Checkpoint:
         cell, facet = self._model.contact.skin.entities.T
         return 3 * self._model.section.mesh.topology.original_cell_index[cell] + facet
 
-    def _gather_skin(self, at_points: NDArray[Any]) -> NDArray[Any] | None:
+    def _collect_skin(self, at_points: NDArray[Any]) -> NDArray[Any] | None:
         edges = self._skin_edges()
         points = len(self._model.contact.edge_parameters)
-        return self._gather(edges, at_points.reshape(len(edges), points))
+        return self._collect(edges, at_points.reshape(len(edges), points))
 
     def _on_skin(self, at_points: NDArray[Any]) -> NDArray[Any]:
         edges = self._skin_edges()
         everyone = np.sort(np.concatenate(self._model.comm.allgather(edges)))
         return at_points[np.searchsorted(everyone, edges)].ravel()
 
-    def _gather(self, numbers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any] | None:
+    def _collect(self, numbers: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any] | None:
         """Rows of all ranks in the order of their numbers; on rank 0."""
-        gathered = self._model.comm.gather((numbers, rows), root=0)
-        if gathered is None:
+        collected = self._model.comm.gather((numbers, rows), root=0)
+        if collected is None:
             return None
-        number, row = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
+        number, row = (np.concatenate(parts) for parts in zip(*collected, strict=True))
         return row[np.argsort(number)]

@@ -1,4 +1,4 @@
-"""Compiled forms: kept in a cache of our own, made once before ranks need them side by side."""
+"""Compiled forms: kept in a separate cache, made once before ranks need them side by side."""
 
 import fcntl
 import os

@@ -71,11 +71,11 @@ class Profile:
         self._before = self._events = _events()
 
     def start(self) -> None:
-        """Begin to count events."""
+        """Start counting events."""
         self._before = _events()
 
     def stop(self) -> None:
-        """End to count events."""
+        """Stop counting events."""
         after = _events()
         self._events = {
             name: (after[name][0] - count, after[name][1] - seconds)

@@ -62,7 +62,7 @@ class Checks(Strict):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Say which checks the result does not pass."""
+        """Return which checks the result does not pass, in words."""
         found = []
         if self.negative_modes != 0:
             found.append(f"unstable equilibrium: {self.negative_modes} negative modes")
@@ -71,7 +71,7 @@ class Checks(Strict):
         if self.largest_gap_in_contact_mm > GAP_TOLERANCE:
             found.append(f"gap of {self.largest_gap_in_contact_mm:.2g} mm in contact")
         if self.relative_force_imbalance > FORCE_TOLERANCE:
-            found.append("contact pressure not in equilibrium with the tibia's reaction")
+            found.append("contact force and reaction at the tibia do not balance")
         return tuple(found)
 
 
@@ -81,7 +81,7 @@ class CaseRecord(Strict):
     Attributes
     ----------
     socket, material_set : str
-        Names of the case in every table; a label after an ``@`` tells variants apart.
+        Names of the case in every table; a label after an ``@`` distinguishes variants.
     of : (str, str)
         Socket and material set that it is a variant of: the names without labels.
     base_set : str
@@ -104,7 +104,7 @@ class CaseRecord(Strict):
     files : mapping of str to str
         SHA-256 of its files and table rows; None where one is missing.
     traceback : tuple of str
-        Of an error that nobody foresaw.
+        Of an error that the package did not raise itself.
     """
 
     socket: str
@@ -229,11 +229,11 @@ def read_run(path: Path) -> StudyRecord:
     except ValueError as error:
         raise InputError(f"{path}: is not JSON: {error}") from None
     except RecursionError:
-        raise InputError(f"{path}: is nested too deeply") from None
+        raise InputError(f"{path}: has too many levels of nesting") from None
     if not isinstance(content, dict) or content.get("program") != "calfsocket":
         raise InputError(
             f"{path}: is not the run.json of a study; name a study file, or a run.json that this "
-            "version wrote"
+            "version has written"
         )
     if content.get("format") != FORMAT:
         version = content.get("versions", {}).get("calfsocket", "another version")

@@ -61,7 +61,7 @@ class Result:
             When the record has none.
         """
         if self.record.checks is None:
-            raise ValueError(f"{self.record.name}: the record holds no checks")
+            raise ValueError(f"{self.record.name}: the record contains no checks")
         return self.record.checks
 
     @property

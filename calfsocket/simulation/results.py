@@ -52,7 +52,7 @@ class Results(Mapping[Key, Result]):
 
     def __getitem__(self, key: Key) -> Result:
         if key not in self.records:
-            raise KeyError(f"{self.folder} holds no solved case {'_'.join(key)}")
+            raise KeyError(f"{self.folder} contains no solved case {'_'.join(key)}")
         return self._read(self.records[key])
 
     def __iter__(self) -> Iterator[Key]:
@@ -142,7 +142,10 @@ class Results(Mapping[Key, Result]):
                 mine = (whole.socket == record.socket) & (whole.material_set == record.material_set)
                 rows = whole[mine].drop(columns=list(KEY))
                 if rows.empty:
-                    raise InputError(f"{path}: has no row of {record.name}, which is solved")
+                    raise InputError(
+                        f"{path}: has no rows of {record.name}, which is solved according to "
+                        f"{RUN_FILE}"
+                    )
             parts.append(of_case(rows, key))
         return pd.concat(parts, ignore_index=True)
 
@@ -186,7 +189,7 @@ def load_results(folder: Path | str) -> Results:
         read = [(path.parent, read_json(path, CaseRecord)) for path in paths]
         found = {record.key: (place, record) for place, record in read}
     if not found:
-        raise InputError(f"{folder}: holds neither a {RUN_FILE} nor a case's {RESULT_FILE}")
+        raise InputError(f"{folder}: contains neither a {RUN_FILE} nor a case's {RESULT_FILE}")
     known: dict[Key, Result] = {}
 
     def read_once(record: CaseRecord) -> Result:
@@ -205,5 +208,5 @@ def _read_table(path: Path) -> pd.DataFrame:
         raise InputError(f"{path}: cannot be read ({error}); solve the study again") from None
     for column in KEY:
         if column not in table:
-            raise InputError(f"{path}: has no column '{column}'; it is not the table of a study")
+            raise InputError(f"{path}: has no column '{column}', so it is not the table of a study")
     return table

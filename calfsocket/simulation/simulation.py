@@ -80,7 +80,7 @@ class Simulation:
     contact : Contact, optional
         Friction and Nitsche stiffness; by default those of the paper.
     support : {"floating", "outer-fixed"}
-        Whether the socket rests on the limb alone, or is held at its outer face.
+        Whether the socket rests on the limb alone, or is fixed at its outer face.
     steps : LoadSteps, optional
         Sizes of the load steps.
     comm : MPI.Intracomm, optional
@@ -221,7 +221,7 @@ class Simulation:
     def _keep_checkpoints(
         self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool
     ) -> Milestone | None:
-        """Have each equilibrium written to a file; return the one to start from."""
+        """Write each equilibrium to a file from now on; return the one to start from."""
         if path is None:
             return None
         inputs = {"case": self.fingerprint, **conditions()}

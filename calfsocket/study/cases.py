@@ -173,28 +173,28 @@ class Planner:
         seen: set[tuple[_Asked, str]] = set()
         for each in asked:
             for number, point in enumerate(self._points, 1):
-                own = sweep.reaching({**each.changes, **point.changes}, each.socket, each.materials)
-                known = (each, json.dumps([own, point.label], default=str))
-                if known in seen or (point.label and not own):
+                changes = sweep.reaching(
+                    {**each.changes, **point.changes}, each.socket, each.materials
+                )
+                known = (each, json.dumps([changes, point.label], default=str))
+                if known in seen or (point.label and not changes):
                     continue
                 seen.add(known)
-                case = self._case(each, own, point, labels, number)
+                case = self._case(each, changes, point, labels, number)
                 if case.key in cases:
                     raise InputError(
-                        f"{self._path}: {each.place}: two cases would be called {case.name}; "
-                        "give each a label of its own"
+                        f"{self._path}: {each.place}: two cases have the name {case.name}; "
+                        "give each a label"
                     )
                 cases[case.key] = case
                 if len(cases) > MOST_CASES:
-                    raise InputError(
-                        f"{self._path}: more than {MOST_CASES} cases; make several studies"
-                    )
+                    raise InputError(f"{self._path}: more than {MOST_CASES} cases; split the study")
         self._check_folders(cases)
         for name in self.parameters:
             if not any(name in case.changes for case in cases.values()):
                 raise InputError(
-                    f"{self._path}: sweep: {name} reaches no case; add its socket or material set "
-                    "to the study, or leave it out"
+                    f"{self._path}: sweep: {name} affects no case; add its socket or material set "
+                    "to the study, or remove it"
                 )
         return tuple(cases.values())
 
@@ -207,16 +207,18 @@ class Planner:
         if document.cases and (study.sockets or study.materials):
             raise InputError(
                 f"{self._path}: cases: give either [[cases]], or study.sockets and "
-                "study.materials, whose combinations are the cases"
+                "study.materials, which give a case for each combination"
             )
         for number, table in enumerate(document.cases):
-            own = sweep.flat(table.set)
-            yield _Asked(table.socket, table.materials, own, table.label or "", f"cases.{number}")
+            changes = sweep.flat(table.set)
+            yield _Asked(
+                table.socket, table.materials, changes, table.label or "", f"cases.{number}"
+            )
         if not document.cases:
             for key in ("sockets", "materials"):
                 if not getattr(study, key):
                     raise InputError(
-                        f"{self._path}: study.{key}: is empty, so there is no case; name at "
+                        f"{self._path}: study.{key}: is empty, so there are no cases; name at "
                         f"least one of {', '.join(self._known(key))}, or add [[cases]]"
                     )
             for socket in study.sockets:
@@ -291,13 +293,15 @@ class Planner:
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
 
-    def _case(self, asked: _Asked, own: Changes, point: Point, labels: Labels, number: int) -> Case:
-        place = "sweep" if any(name in own for name in point.changes) else asked.place
-        document = self._changed_document(own, place)
-        if own:
+    def _case(
+        self, asked: _Asked, changes: Changes, point: Point, labels: Labels, number: int
+    ) -> Case:
+        place = "sweep" if any(name in changes for name in point.changes) else asked.place
+        document = self._changed_document(changes, place)
+        if changes:
             self._check_names(document)
         if point.label is None:
-            shown = {k: v for k, v in own.items() if not asked.label or k in point.changes}
+            shown = {k: v for k, v in changes.items() if not asked.label or k in point.changes}
             of_set = {k: v for k, v in shown.items() if k.startswith("materials.")}
             of_socket = {k: v for k, v in shown.items() if k not in of_set}
             words = labels.of(of_socket, number), labels.of(of_set, number)
@@ -312,7 +316,7 @@ class Planner:
             materials=replace(materials, name=_joined(asked.materials, words[1])),
             document=document,
             of=(asked.socket, asked.materials),
-            changes=dict(own),
+            changes=dict(changes),
             placement=self._placement(socket, asked.socket),
         )
 
@@ -341,8 +345,8 @@ class Planner:
             other = folders.setdefault(case.name.casefold(), case)
             if other is not case:
                 raise InputError(
-                    f"{self._path}: the cases {' with '.join(other.key)} and "
-                    f"{' with '.join(case.key)} would share the folder {case.name}; "
+                    f"{self._path}: the cases {'/'.join(other.key)} and "
+                    f"{'/'.join(case.key)} would share the folder {case.name}; "
                     "rename a socket or a material set"
                 )
 

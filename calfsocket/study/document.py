@@ -81,7 +81,7 @@ class StudyTable(Strict):
         parts = value.replace("\\", "/").split("/")
         if value.startswith(("/", "~")) or ".." in parts or ":" in value or not value.isprintable():
             raise ValueError(
-                f"{value!r} lies elsewhere; give a folder below the current one, or use --out"
+                f"{value!r} is outside the current folder; name a folder inside it, or use --out"
             )
         return value
 
@@ -148,7 +148,7 @@ class ThresholdTable(Strict):
 
 
 class CaseTable(Strict):
-    """A socket with a material set, and parameters of its own.
+    """A socket with a material set, and custom parameters.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class Document(Strict):
     @field_validator("sockets")
     @classmethod
     def _not_a_reference(cls, value: dict[str, Any]) -> dict[str, Any]:
-        return _custom_names(value, reference_sockets(), "a socket of the reference data")
+        return _custom_names(value, reference_sockets(), "a reference socket")
 
     @field_validator("materials")
     @classmethod
@@ -196,7 +196,10 @@ class Document(Strict):
 def _custom_names(value: dict[str, Any], taken: Container[str], what: str) -> dict[str, Any]:
     for name in value:
         if name in taken:
-            raise ValueError(f"'{name}' is {what}; choose another name, with like = '{name}' in it")
+            raise ValueError(
+                f"'{name}' is {what}; choose another name, and write like = '{name}' in the table "
+                "to start from it"
+            )
     return value
 
 

@@ -35,18 +35,13 @@ class Files:
 
     def outline(self, name: str) -> tuple[Point, ...]:
         """Points of an outline, mm."""
-        if name not in self._content:
-            from calfsocket.meshes.outline import read_outline
+        from calfsocket.meshes.outline import read_outline
 
-            self._read(name, read_outline)
-        points = self._content[name]["content"]
-        return tuple((float(x), float(y)) for x, y in points)
+        return tuple((float(x), float(y)) for x, y in self._read(name, read_outline))
 
     def law(self, name: str) -> Law:
         """Law of a material file."""
-        if name not in self._content:
-            self._read(name, read_toml)
-        return law_in(self._folder / name, self._content[name]["content"])
+        return law_in(self._folder / name, self._read(name, read_toml))
 
     def laws(self, tables: Mapping[str, Any]) -> dict[str, Law]:
         """Laws by name, of tables that are laws or name material files."""
@@ -55,16 +50,19 @@ class Files:
             for name, table in tables.items()
         }
 
-    def _read(self, name: str, read: Callable[[Path], Any]) -> None:
-        if self._recorded is not None:
-            if name not in self._recorded:
-                raise InputError(f"{name}: is not among the files of that run")
-            self._content[name] = dict(self._recorded[name])
-            return
-        path = self._folder / name
-        check_readable(path)
-        content = read(path)
-        self._content[name] = {"sha256": sha256(path), "content": content}
+    def _read(self, name: str, read: Callable[[Path], Any]) -> Any:
+        """Return the content of a file, which is read once."""
+        if name not in self._content:
+            if self._recorded is None:
+                path = self._folder / name
+                check_readable(path)
+                content = read(path)
+                self._content[name] = {"sha256": sha256(path), "content": content}
+            elif name in self._recorded:
+                self._content[name] = dict(self._recorded[name])
+            else:
+                raise InputError(f"{name}: is not one of the files recorded in that run.json")
+        return self._content[name]["content"]
 
 
 def sha256(path: Path) -> str:

@@ -13,13 +13,13 @@ _NAMES = ", ".join(IN_FILES)
 
 
 class LawFile(Strict):
-    """A law in a file of its own, as `fit` and `calibrate` write it."""
+    """A law in a separate file, as `fit` and `calibrate` write it."""
 
     file: File
 
 
 def _kind(content: Any) -> str | None:
-    """Tell a law's table from a material file; the brackets tell the tag from a key in errors."""
+    """Return the tag of a law's table or a material file; brackets mark it as a tag in errors."""
     if isinstance(content, Law | LawFile):
         return "<law>" if isinstance(content, Law) else "<file>"
     if not isinstance(content, dict) or ("law" in content) == ("file" in content):
@@ -32,8 +32,8 @@ LawOrFile = Annotated[
     Discriminator(
         _kind,
         custom_error_type="law_kind",
-        custom_error_message=f"is no law; give a table with law = one of {_NAMES}, "
-        "or with file = a material file",
+        custom_error_message=f"is not a law; write a table with law = one of {_NAMES}, "
+        "or with file = 'FILE'",
     ),
 ]
 

@@ -69,11 +69,11 @@ class Recorder:
         if known is None or known.status != "solved":
             return False
         why = restart.damage(known.files, restart.digests(self._out, case.key))
-        log.info("%s: %s", case.name, why or "solved already")
+        log.info("%s: %s", case.name, why or "already solved; kept")
         return not why
 
     def put(self, record: CaseRecord) -> None:
-        """Enter how a case ended; a full disk at this moment does not stop the cases that run."""
+        """Record how a case ended; a full disk at this moment does not stop the cases that run."""
         self._record.cases[record.name] = record
         try:
             self._write()
@@ -94,7 +94,9 @@ class Recorder:
         failed = [record for record in records if record.status != "solved"]
         if failed:
             log.warning(
-                "%d of %d cases failed; --resume tries them again:", len(failed), len(records)
+                "%d of %d cases failed; run again with --resume to retry them:",
+                len(failed),
+                len(records),
             )
         for record in failed:
             log.warning("%s: %s", record.name, record.message)
@@ -150,7 +152,7 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        If the folder holds results of other inputs, unless they may be overwritten, or cannot be
+        If the folder contains results of other inputs, unless they may be overwritten, or cannot be
         written.
     """
     path = out / RUN_FILE
@@ -162,11 +164,15 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         if not path.exists():
             return
     except OSError as error:
-        raise InputError(f"--out {out}: {error}; name a folder that can be written") from None
+        raise InputError(
+            f"--out {out}: {error.strerror}; name a folder that can be written to"
+        ) from None
+    advice = "name another folder, or add --overwrite to replace its results"
     try:
         before = read_run(path)
     except InputError as error:
-        raise InputError(f"{error}; or add --overwrite to replace the results") from None
+        what, *_ = str(error).split("; ")  # what to do is another thing here
+        raise InputError(f"{what}; {advice}") from None
     now = flat({"settings": plan.settings, "thresholds": [*map(asdict, plan.thresholds)]})
     then = flat({"settings": before.settings, "thresholds": [*before.thresholds]})
     changed = [
@@ -178,6 +184,6 @@ def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
         # What differs in the file's tables says more than the names of the cases.
         words = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
         raise InputError(
-            f"--out {out}: holds results made from other inputs ({', '.join(words or changed)}); "
-            "name another folder, or add --overwrite to replace them"
+            f"--out {out}: contains results of other inputs "
+            f"({', '.join(words or changed)} changed); {advice}"
         )

@@ -41,9 +41,13 @@ def digests(out: Path, key: Key) -> dict[str, str | None]:
 
 
 def damage(then: Mapping[str, str | None], now: Mapping[str, str | None]) -> str:
-    """Say by its `digests` which files of a solved case are not what they were; empty for none."""
+    """Say by its `digests` which files of a solved case have changed; empty where none have."""
     changed = [file for file in now if now[file] is None or now[file] != then.get(file)]
-    return f"solved again, missing or changed since: {', '.join(changed)}" if changed else ""
+    return (
+        f"solved again, because files are missing or have changed: {', '.join(changed)}"
+        if changed
+        else ""
+    )
 
 
 def earlier_run(path: Path, conditions: Mapping[str, Any] | None) -> StudyRecord | None:
@@ -61,12 +65,12 @@ def earlier_run(path: Path, conditions: Mapping[str, Any] | None) -> StudyRecord
     try:
         run = read_run(path)
     except InputError as error:
-        raise InputError(f"{error}; or add --overwrite to start from nothing") from None
+        raise InputError(f"{error}; or add --overwrite to start again") from None
     differing = [key for key, value in (conditions or {}).items() if getattr(run, key) != value]
     if differing:
         raise InputError(
-            f"{path}: made with other {' and '.join(differing)}, so that numbers may differ; "
-            "repeat it with those, or leave --resume out to solve all cases again"
+            f"{path}: was made with other {' and '.join(differing)}, so that numbers may differ; "
+            "use those again, or omit --resume to solve all cases again"
         )
     return run
 

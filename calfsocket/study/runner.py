@@ -178,7 +178,7 @@ class _CaseRunner(Monitor):
             self._merge("summary.csv", summary)
             self._merge("steps.csv", result.steps)
         if study.pictures:
-            with phases("picture"), logged(f"no picture of {self._case.name}"):
+            with phases("picture"), logged(f"the picture of {self._case.name} could not be made"):
                 result.draw(folder)
 
     def _merge(self, name: str, rows: pd.DataFrame) -> None:
@@ -204,8 +204,8 @@ class _CaseRunner(Monitor):
     def step(self, step: LoadStep) -> None:
         """Show a load step, and write it."""
         newton = step.newton
-        how = "Newton" if newton.converged else f"failed ({newton.reason}) after"
-        text = f"{how} {newton.iterations}, residual {newton.residual:.1e} N/mm"
+        how = "" if newton.converged else f"failed ({newton.reason}) after "
+        text = f"{how}{newton.iterations} iterations, residual {newton.residual:.1e} N/mm"
         self.message(text, step.load, True)
         self._steps.append(step)
         if self._is_root:
@@ -237,7 +237,7 @@ def longest_first(cases: Sequence[Case]) -> tuple[Case, ...]:
 
 
 def _return_memory() -> None:
-    """Give back what a case leaves: Python's cycles, and pages that glibc keeps for later.
+    """Free what a case leaves: Python's cycles, and pages that glibc keeps for later.
 
     The next case does not fit into their gaps: without this, six cases come to twice the memory.
     """

@@ -146,8 +146,8 @@ class Study:
         missing = set(self.chosen) - {case.name for case in cases}
         if missing:
             raise InputError(
-                f"{self.path}: cases: {', '.join(sorted(missing))} are not among the study's "
-                "cases; the file was changed"
+                f"{self.path}: cases: not in this study: {', '.join(sorted(missing))}; "
+                "the file was edited"
             )
         source = StudySource(
             file=self.path.name,
@@ -207,7 +207,7 @@ class Study:
         Raises
         ------
         InputError
-            If the study cannot be used, or the folder holds results from other inputs.
+            If the study cannot be used, or the folder contains results of other inputs.
         WriteError
             If run.json cannot be written.
         """
@@ -235,7 +235,7 @@ def _harmless(path: Path, options: dict[str, str]) -> dict[str, str]:
     for name, value in options.items():
         if not (re.fullmatch(r"[a-z0-9_]+", name) and re.fullmatch(r"[\w.+-]*", value)):
             raise InputError(
-                f"{path}: petsc_options.{name}: is {value!r}; give it on the command line, "
-                "-NAME VALUE, if it is wanted, and take it out here"
+                f"{path}: petsc_options.{name}: is {value!r}, which may write files; remove it "
+                "here, and if it is needed give it on the command line as -NAME VALUE"
             )
     return options

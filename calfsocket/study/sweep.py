@@ -83,35 +83,35 @@ def points(sweep: Sweep | None) -> list[Point]:
     way, tables = ("grid", sweep.grid) if sweep.grid is not None else ("list", sweep.list)
     values = flat(tables or {})
     if not values:
-        raise InputError(f"sweep.{way}: is empty; give parameters with lists of values")
+        raise InputError(f"sweep.{way}: is empty; add a parameter with a list of values")
     for name, several in values.items():
         if not isinstance(several, list) or not several:
             raise InputError(
                 f"sweep.{way}.{name}: is {several!r}; give a list of values, e.g. [0.2, 0.4]"
             )
         if len({repr(value) for value in several}) < len(several):
-            raise InputError(f"sweep.{way}.{name}: lists a value twice; give each once")
+            raise InputError(f"sweep.{way}.{name}: a value is listed twice; list each value once")
     lengths = {name: len(several) for name, several in values.items()}
     if way == "list" and len(set(lengths.values())) > 1:
-        counts = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        raise InputError(f"sweep.list: {counts} values; give lists of one length or a grid")
+        counts = ", ".join(f"{name} has length {n}" for name, n in lengths.items())
+        raise InputError(f"sweep.list: {counts}; give lists of equal length, or use sweep.grid")
     count, rows = (
         (math.prod(lengths.values()), itertools.product(*values.values()))
         if way == "grid"
         else (max(lengths.values()), zip(*values.values(), strict=True))
     )
     if count > MOST_POINTS:
-        raise InputError(f"sweep.{way}: has more than {MOST_POINTS} points; sweep in parts")
+        raise InputError(f"sweep.{way}: more than {MOST_POINTS} points; split the sweep")
     return [Point(dict(zip(values, row, strict=True))) for row in rows]
 
 
 def reaching(changes: Changes, socket: str, materials: str) -> dict[str, Any]:
     """Return the changes without those of other sockets or material sets than a case has."""
-    own = {"sockets": socket, "materials": materials}
+    of_case = {"sockets": socket, "materials": materials}
     found = {}
     for name, value in changes.items():
         top, *rest = name.split(".")
-        if top not in own or not rest or rest[0] == own[top]:
+        if top not in of_case or not rest or rest[0] == of_case[top]:
             found[name] = value
     return found
 
@@ -122,17 +122,17 @@ def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If there is no parameter of a name.
+        If a parameter does not exist.
     """
     changed: dict[str, Any] = copy.deepcopy(dict(content))
     for name, value in changes.items():
         first, *rest = name.split(".")
         if first not in MAY_CHANGE or not rest:
-            raise InputError(f"{name}: no such parameter; {nearest(first, MAY_CHANGE)}")
+            raise InputError(f"{name}: unknown parameter; {nearest(first, MAY_CHANGE)}")
         if first in ("sockets", "materials") and rest[0] not in content.get(first, {}):
             known = content.get(first, {})
             hint = nearest(rest[0], known) if known else f"add a table [{first}.{rest[0]}]"
-            raise InputError(f"{name}: the file defines no '{rest[0]}'; {hint}")
+            raise InputError(f"{name}: the file does not define '{rest[0]}'; {hint}")
         place: Any = changed.setdefault(first, {})
         *way, last = rest
         for part in way:
@@ -147,14 +147,16 @@ def _key(name: str, place: Any, part: str) -> Any:
     if isinstance(place, dict):
         return part
     if not isinstance(place, list):
-        raise InputError(f"{name}: goes through a value; name a parameter")
+        raise InputError(f"{name}: goes beyond a single value; end the name at the parameter")
     if not part.isdecimal() or int(part) >= len(place):
-        raise InputError(f"{name}: '{part}' is no index of a list of {len(place)}; count from 0")
+        raise InputError(
+            f"{name}: '{part}' is not an index of a list of {len(place)}; indices start at 0"
+        )
     return int(part)
 
 
 class Labels:
-    """Labels that tell cases with changed parameters apart, made for the names of folders.
+    """Labels that distinguish cases with changed parameters, made for the names of folders.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """A bending strip of fascia, and the elements that fail it.
 
-**Bending.** A thin strip of fascia between two of muscle is bent by a displacement of an
-edge. The elements that were not taken are solved beside the one that was: P2 with a continuous P1
-pressure, and P2 with a pressure constant in each element.
+**Bending.** A thin strip of fascia between two of muscle is bent by a displacement of an edge. The
+elements that were not chosen are solved for comparison: P2 with a continuous P1 pressure, and P2
+with a pressure constant in each element.
 """
 
 from collections.abc import Mapping, Sequence
@@ -137,7 +137,7 @@ class Bending:
 def bending(element: str, across: int, fascia_across: int = 1, depth: float = 0.6) -> Bending:
     """Bend 1 mm of fascia between strips of muscle, 5 mm each, 24 mm long.
 
-    The left edge is held, the upper and lower ones slide along x, and the right edge takes the
+    The left edge is fixed, the upper and lower ones slide along x, and the right edge takes the
     displacement -depth (1 - cos(2 pi y/24))/2 along x and none along y.
 
     Parameters

@@ -1,13 +1,13 @@
 r"""Pressure across meshes that do not match: patch test, complementarity, independence.
 
-A limb ring in a smaller socket ring without friction: the exact pressure is uniform. The socket's
-elements are of another size and start elsewhere, so that no node meets another. What remains of
-scatter has two causes. The polynomial edges deviate from circles, which the patch test shows while
-the socket is stiff, and which vanishes with h. The other is the integral over the skin's Gauss
-points of shape functions of the socket, which have kinks inside a skin edge: its error hardly
-shrinks with h, but does with the number of Gauss points. It only counts where the socket is as
-soft as the skin, since it is an error of the socket's nodal forces, alternating from node to node.
-In the study the socket is some 700 times stiffer than skin.
+A limb ring lies in a smaller socket ring without friction, so that the exact pressure is uniform.
+The socket's elements have another size and another start, so that no nodes meet. Two causes of
+scatter remain. First, the quadratic edges deviate from circles; the patch test shows this with a
+stiff socket, and it vanishes with h. Second, the integral over the skin's Gauss points contains
+shape functions of the socket with kinks inside a skin edge; this error hardly falls with h, but
+with the number of Gauss points. It is an error of the socket's nodal forces that alternates from
+node to node, so it matters only where the socket is as soft as the skin. In the study the socket is
+some 700 times stiffer.
 
 Complementarity and the independence of gamma, Gauss points and ranks are shown on a limb that is
 moved sideways in its socket, with friction, so that contact opens on one side.

@@ -5,7 +5,7 @@ from calfsocket.verification.report import Section
 
 
 def report() -> Section:
-    """Patch test, rates, and the elements that were not taken."""
+    """Run patch test, rates, and the elements that were not chosen."""
     convergences = manufactured.convergences()
     fine = bending.bending(bending.OURS, *bending.REFERENCE)
     errors = {name: bending.bending_errors(name, fine) for name in bending.ELEMENTS}

@@ -1,20 +1,21 @@
 r"""The concentric limb in a smaller socket against its exact solution.
 
-Rings of all six tissues lie around a fixed circle as in a calf, bone innermost and skin outermost,
-and are pressed by a PETG ring that is smaller than the skin by the overclosure. The exact solution
-is one of ordinary differential equations (`radial`), made without UFL; the finite elements are the
+Rings of all six tissues lie around a fixed circle as in a calf, bone innermost and skin outermost.
+A PETG ring, smaller than the skin by the overclosure, presses on them. The exact solution solves
+ordinary differential equations (`radial`) and is made without UFL; the finite elements are the
 program's own `Problem` and `LoadStepper`.
 
-The axisymmetric equilibrium need not be stable. Fascia (megapascals) that is compressed along its
-circumference between muscle and fat (kilopascals) buckles in waves; Newton's method on a perfect
-ring does not see it and converges to the unstable equilibrium all the same, as it should where
-exactness is measured. How many modes are unstable is known, too: from the second variation of the
-potential, wave by wave (`ring_stability`). The program's count must be that number. In the Combined
-set nothing buckles, for there fascia is as soft as muscle.
+The axisymmetric equilibrium may be unstable. Fascia (megapascals) compressed along its
+circumference between muscle and fat (kilopascals) buckles in waves. On a perfect ring Newton's
+method converges to the unstable equilibrium all the same, which is what a measurement of the error
+needs. The number of unstable modes is known as well, from the second variation of the potential,
+wave number by wave number (`ring_stability`), and the program must count the same. In the Combined
+set nothing buckles, because fascia is as soft as muscle there.
 
-Below 1 mm the error no longer falls with the fourth power of the element size but with the first:
-4 Gauss points an edge do not resolve the kinks of the socket's edges that end between them. 16 take
-it from 6e-7 to 6e-8 in a ring of muscle and skin at 0.5 mm; neither can be measured on a limb.
+Below 1 mm the error falls with the first instead of the fourth power of the element size: 4 Gauss
+points on an edge do not resolve the kinks of the socket's shape functions inside it. With 16 points
+the error falls from 6e-7 to 6e-8 in a ring of muscle and skin at 0.5 mm; on a limb neither can be
+measured.
 """
 
 from dataclasses import dataclass

@@ -8,8 +8,8 @@ inside |x| < c and 0 outside,
     q(x) = mu p0 (2 c'/a R(c') - c1/a R(c1) - R(a)),
     c1/a = sqrt(1 - Q1/(mu P)),    c'/a = sqrt(1 - (Q1 - Q)/(2 mu P)),
 
-so that shear stays locked in at Q = 0. By Jaeger's theorem the push gives way by mu times a change
-of the normal approach, whose part that is not linear is f(P) = -P ln(P) / (pi E') in the plane:
+so that shear remains at Q = 0. By Jaeger's theorem the tangential displacement is mu times a change
+of the normal approach, whose nonlinear part is f(P) = -P ln(P) / (pi E') in the plane:
 
     d(Q) = C Q + g(Q),    g(Q) = mu (f(P) - f(P - Q/mu)),
 
@@ -18,9 +18,9 @@ between -Q1 and Q1 encloses, for every C, the work of friction
 
     W = 4 Q1 g(Q1) - 8 int_0^Q1 g dQ.
 
-Pushed farther, the disc slides at |Q| = mu P, both ways. Bodies that are not half-planes tilt a
-little under the shear, and with them the direction in which P and Q are told apart: the theory has
-its limit at 1e-3 here.
+Pushed farther, the disc slides at |Q| = mu P, both ways. Bodies that are not half-planes tilt
+slightly under shear, and the directions of P and Q with them, which limits the agreement to 1e-3
+here.
 
 Mindlin and Deresiewicz 1953, doi:10.1115/1.4010702; Jaeger 1998, doi:10.1115/1.2833765; Johnson,
 Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, section 7.4.

@@ -2,11 +2,11 @@ r"""A socket ring turned on a limb ring: elastic torque, Coulomb's plateau, hyst
 
 Layers r1 < r < r2 of shear modulus G under a torque M per length (linear, axisymmetric) turn by
 u_t / r = A + B / r^2, with the shear stress -2 G B / r^2 = M / (2 pi r^2), so that the turn of the
-held outer face against the held core is
+fixed outer face against the fixed core is
 
     phi = M C,   C = sum_layers (1/r1^2 - 1/r2^2) / (4 pi G).
 
-The overclosure presses with the p of the radial problem (`radial`), held at both ends; at this
+The overclosure presses with the p of the radial problem (`radial`), fixed at both ends; at this
 overclosure it is Lame's. The contact slips all around when M reaches Ms = mu p 2 pi r^2, and stays
 there. A cycle between -phi_max and phi_max encloses the area 4 Ms (phi_max - Ms C), all of it
 friction's work.

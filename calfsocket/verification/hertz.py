@@ -15,9 +15,10 @@ equal materials, a tangential force Q < mu P leaves a zone |x| < c without slip:
 the second root only inside c. Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731,
 sections 4.2 and 7.2.
 
-The disc is pressed by moving its held core. Force and tangential force are reactions of the core,
-half-width and peak are taken from the contact pressure on the skin; the theory takes the force.
-Pressures are means over skin edges: within an edge they scatter (see `contact_patch`).
+The disc is pressed by a prescribed motion of its core. Normal and tangential force are reactions of
+the core; half-width and peak come from the contact pressure; the theory is evaluated for the
+measured force. Pressures are means over skin edges: within an edge they scatter (see
+`contact_patch`).
 """
 
 import math
@@ -61,7 +62,7 @@ class Line:
     limb: Hencky = MATERIAL
     socket: Hencky = MATERIAL
     friction: float = 0.0  #: coefficient of friction
-    #: radii of the disc and of its held core, and thickness of the cavity's wall, mm
+    #: radii of the disc and of its fixed core, and thickness of the cavity's wall, mm
     radius: float = 10.0
     core: float = 7.0
     thickness: float = 5.0

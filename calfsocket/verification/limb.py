@@ -1,8 +1,8 @@
 r"""The limb itself: mesh, energy, load steps, Newton's method, and the choices that are open.
 
-No exact solution is known here. What can be shown is that the six runs hang together: that their
-numbers settle with the mesh, that no energy is lost on the way, that the end does not depend on how
-it was reached, and how much the choices matter that the paper leaves open.
+No exact solution is known here. What can be shown is that the six runs are consistent: their
+numbers settle with the mesh, no energy is lost, the end does not depend on the path of the load
+steps, and how much the choices matter that the paper leaves open.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,28 +56,29 @@ SAME_END = 1e-3
 """Relative difference of mean contact pressure up to which two paths end on the same branch."""
 
 FASCIA = """\
-What keeps the Separate set's fascia from converging is not its field so much as the maximum: the
-root mean square of its stress settles, and quantiles by area change far less (table below). Fascia
-bends, so that its stress runs from one face to the other, and the paper's maximum takes means over
-each of two elements: one element across the fascia holds the mean of both faces, two across hold
-one face each, and finer meshes show more of the bending. The maximum of a layer that bends belongs
-to its mesh; compare it between runs on one mesh, or take a quantile."""
+The fascia of the Separate set does not converge because of how a maximum is defined rather than
+because of its field: the root mean square of its stress settles, and quantiles by area change far
+less (table below). Fascia bends, so its stress varies from one face to the other, and the paper's
+maximum uses the means of two elements: with one element across the fascia the mean of both faces,
+with two across one face each; finer meshes show more of the bending. The maximum in a layer that
+bends therefore depends on the mesh: compare it on one mesh, or use a quantile."""
 
 ENERGY = """\
 **Energy.** The work of the shrink fit, the integral of contact pressure over the overclosure that
-is released, must be found as energy stored in limb and socket and as friction (`energy` derives
-the balance). What is left falls with the square of the load step, as it does for trapezoids."""
+is removed, must equal the energy stored in limb and socket plus the work of friction (`energy`
+derives the balance). The difference falls with the square of the load step, as the trapezoidal
+rule's error does."""
 
 NEWTON = """\
-**Newton's method.** Of the last two iterations of each step (figure) the smooth ones, whole steps
-in which no contact point changes its status or its edge of the socket and which end above rounding,
-have |F| after = C |F|^2 before. C is largest in HS Combined. There, looked at closely at a load of
-0.2, the tangent is exact and no point changes, but the fibula, stiff in soft muscle, turns: its
-strain of second order is most of |F| (in its pressures), and since a whole step would increase |F|,
-the line search cuts steps that a second whole one would make good; the first whole one is followed
-by one to rounding. The table has the loads at which contact still changes in the last two
-iterations, so that there these are not quadratic. The order at each end state, measured from points
-closer and closer to it, is 2."""
+**Newton's method.** Of the last two iterations of each step (figure), those that are full steps, in
+which no contact point changes its status or its edge of the socket, and which end above rounding,
+satisfy |F| after = C |F|^2 before. C is largest in HS Combined. At a load of 0.2 there, the tangent
+is exact and no point changes, but the fibula, stiff in soft muscle, rotates: its second-order
+strain makes up most of |F| (in its pressures). A full step would increase |F|, so a line search
+shortens steps that a second full step would correct; the first full step is followed by one that
+reaches rounding. The table has the loads at which contact still changes in the last two iterations,
+so that these are not quadratic. The order at each end state, measured from points closer and closer
+to it, is 2."""
 
 
 def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
@@ -167,7 +168,7 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
 
 
 def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
-    """Follow the six runs with each of `STEPS`, and Separate with the secant predictor, too.
+    """Follow the six runs with each of `STEPS`, and Separate with extrapolation, too.
 
     Returns
     -------
@@ -184,8 +185,8 @@ def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
                 try:
                     paths.append(follow(socket, name, size, largest, as_the_study))
                 except ConvergenceError as error:
-                    predictor = "" if as_the_study else ", secant predictor"
-                    case = f"{socket}_{name}: steps of {largest:g}{predictor}"
+                    start = "" if as_the_study else ", extrapolated"
+                    case = f"{socket}_{name}: steps of {largest:g}{start}"
                     failures.append(f"{case}: {error}")
     return paths, failures
 
@@ -201,7 +202,7 @@ def coarsest_first(sizes: Sequence[str]) -> list[str]:
     for size in sizes:
         named_size(size)
     if len(set(sizes)) < 2:
-        raise InputError(f"--size: {', '.join(sizes)}; name two mesh sizes at least")
+        raise InputError(f"--size: {', '.join(sizes)}; give at least two mesh sizes")
     return [size for size in MESH_SIZES if size in sizes]
 
 
@@ -221,15 +222,16 @@ def _branches(
         reference = references[path.name].end
         mean = path.end.mean_pressure / reference.mean_pressure - 1.0
         if abs(mean) > SAME_END:
-            predictor = "the secant predictor" if path.extrapolated else "no predictor"
+            start = "extrapolation" if path.extrapolated else "no extrapolation"
             other.append(
-                f"{path.name} with steps of {path.largest:g} and {predictor} ends with "
+                f"{path.name} with steps of {path.largest:g} and {start} ends with "
                 f"{100 * mean:+.2f} % of mean contact pressure and points up to "
                 f"{path.end.moved_from(reference):.2f} mm away"
             )
     text = (
-        "**Load steps.** Each run is followed with two step sizes, and the Separate set with the "
-        f"predictor that the study does not use there. Ends within {100 * SAME_END:g} % of mean "
+        "**Load steps.** Each run is repeated with two step sizes, and the Separate set also with "
+        "the extrapolation that studies do not use there. Ends within "
+        f"{100 * SAME_END:g} % of mean "
         "contact pressure count as the same branch. "
     )
     text += f"Ends on another branch: {'; '.join(other) or 'none'}."

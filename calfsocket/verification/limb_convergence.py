@@ -1,16 +1,16 @@
 r"""Every number of summary.csv at several mesh sizes, with its change and its uncertainty.
 
-Changes are those of magnitudes, in % of the coarser mesh, since the larger of two directions may
-be another one from mesh to mesh. A number is called
+Changes are changes of magnitude, in % of the coarser mesh, since the larger of the two directions
+may differ between meshes. A number is called
 
 - converged when its last change is below 5 %,
 - converging when it is below 10 % and no larger than the change before,
 - not converged otherwise.
 
-The uncertainty of the finest mesh is Roache's grid convergence index, 1.25 e / (r - 1) for the
+The uncertainty of the finest mesh is Roache's grid convergence index, 1.25 e/(r - 1), with the
 change e, the ratio r of element sizes (the root of the ratio of element counts) and order 1: a
-maximum is held by whole elements, so that where it is sharp its error is of first order, however
-good the field is. Roache 1994, doi:10.1115/1.2910291.
+maximum is a value of whole elements, so where the field is sharp the error of the maximum is of
+first order even if the field's is not. Roache 1994, doi:10.1115/1.2910291.
 """
 
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,7 @@ def long_table(summaries: Mapping[str, pd.DataFrame], cells: Mapping[str, float]
 
 
 def _reason(row: pd.Series, sizes: Sequence[str]) -> str:
-    """Say what keeps a number from converging, as far as the numbers tell."""
+    """Return why a number does not converge, as far as the numbers show it."""
     fine, coarse = sizes[-1], sizes[-2]
     reasons = []
     if row["tissue"] == "fascia" and row["material_set"] == "separate":

@@ -1,32 +1,33 @@
 """Friction on the limb: load steps, and the way in which the socket is put on.
 
-A tight socket holds the skin that it has caught. Where the limb would rather slide along it,
-friction resists, and how much of the resistance is left in the end depends on when the skin was
-caught. So equilibria of one and the same problem of Signorini and Coulomb differ in their shear,
-and the path is part of the model. Here the same limb comes into the same socket by three paths
-(`release_paths`), and without friction, which bounds them.
+A tight socket grips the skin where it touches it. Where the limb would slide along the socket,
+friction resists, and how much shear remains in the end depends on when the skin was gripped.
+Equilibria of one and the same problem (Signorini's contact with Coulomb's friction) therefore
+differ in their shear, and the path is part of the model. Here the same limb is brought into the
+same socket by three paths (`release_paths`), and without friction, which bounds them.
 
-- *closed*, the study's: all gaps are closed in proportion. The skin sticks from the first load
-  step, all of its motion along the socket still ahead, and slides where shear reaches mu p.
-- *shrunk*: a swollen socket is let go and shrinks to its size. The spots that it touches first are
-  pressed by little and slide while it finds its place; a spot that is touched late has had a part
-  of its motion before. Then the skin sticks, too.
-- *stiffened*: the whole overclosure is there at once, and contact stiffens. Hardly a point ever
-  reaches mu p. All the same the shear is the least of all, for the skin moves along the socket on
-  the tangential springs while these are soft, and keeps what they hold as the pressure rises. This
-  is creep and no slip: it depends on the ratio e_t/e of tangential to normal springs, 0.5 unless
-  said, a number of the method and not of the skin. The stiffer they are the nearer the shear comes
-  to that of closed gaps.
+- *closed*, as in studies: all gaps are closed in proportion. The skin sticks from the first load
+  step, with all of its motion along the socket still to come, and slides where the shear reaches mu
+  p.
+- *shrunk*: a socket that is too large shrinks to its size. The points that it touches first are
+  under little pressure and slide while it finds its place; a point that is touched late has made
+  part of its motion before. Then the skin sticks, too.
+- *stiffened*: the whole overclosure is present at once, and contact becomes stiff gradually. Hardly
+  any point reaches mu p, and yet the shear is the smallest of all: while the tangential springs are
+  soft, the skin moves along the socket on them, and it keeps that position as the pressure rises.
+  This is creep, not slip: it depends on the ratio e_t/e of tangential to normal springs (0.5 unless
+  stated), a number of the method and not of the skin. The stiffer the springs, the closer the shear
+  is to that of *closed*.
 
 The shear has the same pattern on all paths that end on one branch; its size differs. Of the tissues
-only the skin feels that, whose largest stress is halved; the others change by a few per cent. Mean
-pressure, which the area loss and the bulk moduli fix, hardly feels any of it.
+only the skin is affected: its largest stress is halved, the others change by a few per cent. The
+mean pressure, which follows from the area loss and the bulk moduli, hardly depends on the path.
 
-In the tightest socket, HS, the stiffened path ends on another branch, besides. The deep fascia
-behind, where it waves in any case, finds no equilibrium near the last one when four fifths of the
-pressure are reached, and snaps into waves at other places; dashpots carry the limb over. Both
-branches are stable. Local pressure differs between them by as much as leaving friction out makes of
-it at the front.
+In the tightest socket, HS, the stiffened path also ends on another branch. The posterior deep
+fascia, which waves in any case, has no equilibrium near the last one when four fifths of the
+pressure are reached, and snaps into waves elsewhere; dashpots carry the limb across. Both branches
+are stable. Local pressure differs between them by as much as it does at the front with and without
+friction.
 """
 
 from dataclasses import dataclass, replace

@@ -110,7 +110,7 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
             {
                 "case": path.name,
                 "largest step": path.largest,
-                "predictor": "secant" if path.extrapolated else "none",
+                "extrapolated": "yes" if path.extrapolated else "no",
                 "steps": path.end.checks.steps,
                 "Newton": path.end.checks.newton_iterations,
                 "mean pressure, kPa": path.end.mean_pressure,

@@ -34,7 +34,7 @@ from calfsocket.study.study import Study
 def solved_study(
     folder: Path, size: str, material_sets: Sequence[BaseSet] = BASE_SETS, **model: str
 ) -> Results:
-    """Solve the paper's study into a folder, unless the folder holds its results; return them.
+    """Solve the paper's study into a folder, unless the folder contains its results; return them.
 
     A study may be solved beforehand, on several ranks.
 
@@ -52,7 +52,7 @@ def solved_study(
     Raises
     ------
     InputError
-        If the folder holds results from other inputs.
+        If the folder contains results of other inputs.
     """
     tables: dict[str, dict[str, Any]] = {
         "study": {"materials": list(material_sets)},
@@ -63,7 +63,7 @@ def solved_study(
         check_folder(folder, study.plan, overwrite=False)
     except InputError:
         raise InputError(
-            f"--results: {folder} cannot be written, or holds results from other inputs; "
+            f"--results: {folder} cannot be written to, or contains results of other inputs; "
             "name another folder"
         ) from None
     return study.run(MPI.COMM_SELF, folder, resume=True, pictures=False)

@@ -1,16 +1,16 @@
 r"""Every law at a material point against closed forms in principal stretches.
 
 The program's forms (`forms/`, compiled) are evaluated at a given deformation gradient and compared
-with the closed forms of the laws, which are numpy in principal stretches and share no code with
-them. Load cases
-are homogeneous and in plane strain: uniaxial with free sides (their stretch solves s22 = 0, and the
-pressure follows from the volume), equibiaxial, simple shear and plane-strain compression, in both
-directions, up to a ratio l1/l2 of the in-plane stretches. The laws are those of Table 1 in both
-sets, and Ogden's with two terms, as the paper prints it, and incompressible.
+with the closed forms of the laws, which are written with numpy in principal stretches and share no
+code with them. Load cases are homogeneous and in plane strain: uniaxial with free sides (their
+stretch solves s22 = 0, and the pressure follows from the volume), equibiaxial, simple shear and
+plane-strain compression, in both directions, up to a ratio l1/l2 of the in-plane stretches. The
+laws are those of Table 1 in both sets, and Ogden's with two terms, as the paper prints it, and
+incompressible.
 
-Taylor's test: the remainder of the energy after its slope by the stress, and of the stress after
-its slope by the tangent, shrink with the square of the step; at F = I, at equal stretches, and at a
-general F. Errors are relative to the largest component of the exact stress.
+Taylor's test: the remainders of the energy after its first-order term (stress) and of the stress
+after its first-order term (tangent) shrink with the square of the step; at F = I, at equal
+stretches, and at a general F. Errors are relative to the largest component of the exact stress.
 """
 
 from dataclasses import dataclass

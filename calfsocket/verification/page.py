@@ -1,6 +1,6 @@
 """The verification page: subjects run, their checks, tables and figures written as Markdown.
 
-Each section stands between comments that hold what the summary at the top needs, so that one
+Each section stands between comments that contain what the summary at the top needs, so that one
 subject can be run again without the others.
 """
 
@@ -41,9 +41,9 @@ PAGE, FOLDER = "verification.md", "verification"
 HEAD = """\
 # Verification
 
-Problems with known answers, solved by the program's own mesh, laws, contact and solver. This page
-is made by `python3 -m calfsocket verify`; the same problems run as tests. With `--only SUBJECT` one
-section is made again and the others stay.
+Problems with known answers, solved with the mesh, the laws, the contact and the solver that studies
+use. `python3 -m calfsocket verify` makes this page; the same problems run as tests. `--only
+SUBJECT` makes one section again and keeps the others.
 """
 
 
@@ -96,7 +96,7 @@ def chosen_subjects(names: Sequence[str]) -> list[str]:
     """
     for name in names:
         if name not in SUBJECTS:
-            raise InputError(f"--only: {name!r} is none of {', '.join(SUBJECTS)}")
+            raise InputError(f"--only: unknown subject {name!r}; use {', '.join(SUBJECTS)}")
     return [subject for subject in SUBJECTS if subject in names]
 
 

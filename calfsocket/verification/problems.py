@@ -31,7 +31,7 @@ def solved(problem: Problem, loads: Sequence[float] = (1.0,)) -> Problem:
 def held_socket(
     section: SectionMesh, laws: Mapping[str, Law], contact: Contact
 ) -> PrescribedMotion:
-    """Make bodies to be moved by what holds them: the core of the limb and the outer face.
+    """Make bodies to be moved by their supports: the core of the limb and the outer face.
 
     There is no shrink fit: an overclosure is there at once.
     """

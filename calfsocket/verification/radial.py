@@ -7,7 +7,7 @@ stresses P_k = (tau_k + J p)/l_k, tau the law's isochoric Kirchhoff stress, obey
 
 r and P_r are continuous between tissues. At the contact the skin's force per angle R P_r is the
 socket's, and the deformed radii agree up to the share of the overclosure that is not yet released.
-The innermost circle is held, the socket's outer face free; friction has no part, for nothing moves
+The innermost circle is fixed, the socket's outer face free; friction has no part, for nothing moves
 around.
 
 Everything comes from `Law.energy` and `Law.kirchhoff` (principal stretches, numpy), by collocation
@@ -157,7 +157,7 @@ class RadialSolution:
 
         u' = l_r(P_r, l_t) - 1,    P_r' = (P_t - P_r)/R,    l_t = 1 + u/R.
 
-    The innermost circle is held.
+    The innermost circle is fixed.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ class RadialSolution:
             tangent[k, 0, inner, k, 1, inner] -= slope[0, 0][1:]
             tangent[k, 1, inner, k, 0, inner] -= (slope[1, 1] / R**2)[1:]
             tangent[k, 1, inner, k, 1, inner] -= ((slope[1, 0] - 1.0) / R)[1:]
-            # At the inner radius: held, or the neighbour's displacement and force per angle.
+            # At the inner radius: fixed, or the neighbour's displacement and force per angle.
             tangent[k, 0, 0, k, 0, 0] = 1.0
             if k == 0:
                 residual[k, 0, 0] = u[0]

@@ -16,7 +16,7 @@ class Check:
 
     name: str  #: what was measured
     measured: float  #: the number, in `unit`
-    bar: float  #: what the number is held against, in `unit`
+    bar: float  #: what the number is compared with, in `unit`
     source: str  #: where the exact value comes from
     unit: str = ""  #: unit; empty for a ratio
     #: "at most": an error, its magnitude is no larger than the bar; "at least": an order or a
@@ -39,7 +39,7 @@ class Check:
 class Figure:
     """A plot of a verification problem."""
 
-    name: str  #: file name without ending
+    name: str  #: file name without extension
     draw: Callable[[Axes], None]  #: draws on given axes
     caption: str  #: what it shows
 

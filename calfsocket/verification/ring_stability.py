@@ -169,7 +169,7 @@ def _negative(parts: Sequence[_RingForm], wave: int) -> int:
     blocks = [part.matrix(wave) for part in parts]
     m, k = parts[0].value.shape[1], parts[0].q.shape[1]
     loose = block_diag(*blocks)
-    # The outer end of a ring is the inner end of the next; the innermost end is held.
+    # The outer end of a ring is the inner end of the next; the innermost end is fixed.
     glue: Array = np.zeros((len(loose), len(loose)))
     column = 0
     ends: list[int] = []

@@ -1,19 +1,19 @@
 r"""The assembled tangent, contact included.
 
-Rings of vessel, muscle, fascia and skin in a soft socket, so that no law hides in the rounding of
-another, with random displacements and pressures on top. The socket is larger than the limb (all
-open), overlaps it (all stick), is turned besides (all slip), or moved sideways (open, stick and
-slip side by side).
+Rings of vessel, muscle, fascia and skin lie in a soft socket, of similar stiffness so that no law
+is lost in the rounding errors of another, and random displacements and pressures are added. The
+socket is larger than the limb (all points open), overlaps it (all stick), is also turned (all
+slip), or is moved sideways (open, stick and slip at once).
 
-**Finite differences.** The tangent times a random direction against central differences of the
-residual. None of the points compared changes its status between the two.
+**Finite differences.** The tangent times a random direction is compared with central differences of
+the residual. No point that is compared changes its status between the two.
 
-**Parameters.** Residual and tangent move when a parameter moves, in the states in which they
-should, and are the same to the last bit in the others. In stick the limit of friction plays no
-part, in slip the tangential stiffness does not, and where all is open nothing of contact does.
+**Parameters.** Residual and tangent change with a parameter in the states where they depend on it,
+and are identical to the last bit in the others: friction has no effect while all points stick, the
+tangential stiffness none while all slip, and no contact parameter has any while all are open.
 
-**Newton's method.** The order at an equilibrium of each kind, of the rings of `friction`: |F| after
-one iteration against |F| before, from three distances (see `newton`).
+**Newton's method.** The order of convergence at an equilibrium of each kind, on the rings of
+`friction`: |F| after one iteration against |F| before it, from three distances (see `newton`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -87,7 +87,7 @@ def ring(kind: Kind) -> PrescribedMotion:
 
 
 def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
-    """Make a state that is no equilibrium: the rings with noise, their socket moved."""
+    """Make a state that is not an equilibrium: the rings with noise, their socket moved."""
     motion = ring(kind)
     motion.move([tags.SOCKET], kind.turn, (kind.shift, 0.0))
     problem, x = motion.problem, motion.x

@@ -162,7 +162,7 @@ def default(key: str, entry: Schema, table: Schema) -> str:
 
 
 def value(entry: Schema, definitions: Schema) -> str:
-    """Say what may stand for a key."""
+    """Return the type of a key's value in words."""
     if "const" in entry:
         return f"`{json.dumps(entry['const'])}`"
     if "enum" in entry:
@@ -186,7 +186,7 @@ def value(entry: Schema, definitions: Schema) -> str:
 
 
 def array(entry: Schema, definitions: Schema) -> str:
-    """Say what a list holds."""
+    """Return the type of a list's items in words."""
     if "prefixItems" in entry:
         return f"list of {len(entry['prefixItems'])}: {value(entry['prefixItems'][0], definitions)}"
     items = entry.get("items", {})

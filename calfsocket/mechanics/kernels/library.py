@@ -25,7 +25,7 @@ from calfsocket.mechanics.kernels.laws import LawKernel
 
 FOLDER = Path(__file__).parent
 SOURCES = ("vectors.h", "cells.h", "internal_force.c", "condensation.c")
-# Unlike -ffast-math these keep NaN, which tells a step that overshot.
+# Unlike -ffast-math these keep NaN, which reveals a step that overshot.
 COMPILE_ARGUMENTS = [
     "-O3",
     "-g0",

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
-from calfsocket.paper.claims.rules import Fact, fact
+from calfsocket.paper.claims.rules import Fact
 from calfsocket.paper.claims.tolerances import (
     DIFFERS_PCT,
     MOST,
@@ -18,16 +18,16 @@ from calfsocket.paper.claims.tolerances import (
 )
 from calfsocket.paper.evidence import (
     SOCKETS,
-    SOFT_TISSUES,
     STRAINS,
     STRESSES,
     Evidence,
     NotChecked,
     run_name,
 )
-from calfsocket.report.changes import SETS, magnitude_change, relative_change
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+from calfsocket.report.changes import magnitude_change, relative_change
 from calfsocket.report.damage import DamageThresholds
-from calfsocket.report.names import QUANTITIES, material_set, region
+from calfsocket.report.names import QUANTITIES, SETS, material_set, region
 from calfsocket.report.table import number
 from calfsocket.simulation.results import Key
 
@@ -39,7 +39,6 @@ FASCIA_LIMIT = DamageThresholds().fascia_strain_pct
 # --- maxima
 
 
-@fact
 def not_largest(e: Evidence, of: str) -> Fact:
     """Return the quantities whose largest value is not in the tissue that is named.
 
@@ -51,7 +50,7 @@ def not_largest(e: Evidence, of: str) -> Fact:
         sockets, name, tissue, quantities = part.split()
         for socket in sockets.split("+"):
             for quantity in quantities.split("+"):
-                values = {t: abs(e.value(socket, name, t, quantity)) for t in SOFT_TISSUES}
+                values = {t: abs(e.value(socket, name, t, quantity)) for t in SUMMARY_TISSUES}
                 order = sorted(values, key=lambda t: -values[t])
                 unit = "kPa" if quantity in STRESSES else "%"
                 where = f"{socket} {QUANTITIES[quantity]}"
@@ -67,7 +66,6 @@ def not_largest(e: Evidence, of: str) -> Fact:
     }
 
 
-@fact
 def cells_near(e: Evidence, of: str) -> Fact:
     """Return the share of the cells of Table 2 or 4 whose magnitude is about the paper's."""
     cells = e.maxima[e.maxima["quantity"].isin(OF[of])]
@@ -96,7 +94,6 @@ def _both(e: Evidence, of: str = "") -> pd.DataFrame:
     return rows[rows.site == "max_both"]
 
 
-@fact
 def maxima_that_differ(e: Evidence, of: str) -> Fact:
     """Return the share of maxima that differ in magnitude; 0 where a tissue has none."""
     rows = _both(e)
@@ -107,28 +104,26 @@ def maxima_that_differ(e: Evidence, of: str) -> Fact:
     return {"value": share, "differ": differ.sum(), "n": len(rows), "same": same}
 
 
-def _apart(a: Any, b: Any) -> bool:
-    return bool(np.hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm) > SITES_DIFFER_MM)
+def _distance(a: Any, b: Any) -> float:
+    return float(np.hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm))
 
 
-@fact
 def tissues_at_the_same_site(e: Evidence, of: str) -> Fact:
     """Return the tissues whose maxima are mostly at one site in both sets."""
     complete = e.need_sets()
     n = len(complete) * len(STRESSES + STRAINS)
     moved = {
         tissue: sum(
-            _apart(*(e.row(socket, name, tissue, quantity) for name in SETS))
+            _distance(*(e.row(socket, name, tissue, quantity) for name in SETS)) > SITES_DIFFER_MM
             for socket in complete
             for quantity in STRESSES + STRAINS
         )
-        for tissue in SOFT_TISSUES
+        for tissue in SUMMARY_TISSUES
     }
     few = [tissue for tissue, count in moved.items() if count <= n / 2]
     return {"value": few, "moved": {tissue: f"{count} of {n}" for tissue, count in moved.items()}}
 
 
-@fact
 def maxima_vary(e: Evidence, of: str) -> Fact:
     """Return whether maxima vary in size and place with set and socket."""
     e.need()
@@ -140,12 +135,11 @@ def maxima_vary(e: Evidence, of: str) -> Fact:
                 continue  # the same case, or one that differs in both
             n += 1
             sizes += abs(magnitude_change(a.value, b.value)) > DIFFERS_PCT
-            places += _apart(a, b)
+            places += _distance(a, b) > SITES_DIFFER_MM
     vary = sizes >= MOST * n and places > n / 2
     return {"value": vary, "n": n, "sizes": sizes, "places": places}
 
 
-@fact
 def shear_strain_of_muscle(e: Evidence, of: str) -> Fact:
     """Return the largest shear strain of muscle in a case, %; NaN where it is in another muscle."""
     socket, name, muscle = of.split()
@@ -157,7 +151,6 @@ def shear_strain_of_muscle(e: Evidence, of: str) -> Fact:
     return {"value": row.value if here else np.nan, **parts}
 
 
-@fact
 def vessel_pressure(e: Evidence, of: str) -> Fact:
     """Return, of the runs' largest pressures in the vessels, the one nearest to a value, kPa."""
     values = {run_name(key): e.value(*key, "vessel", "pressure") for key in e.results}
@@ -168,7 +161,6 @@ def vessel_pressure(e: Evidence, of: str) -> Fact:
 # --- relative changes by equation (3)
 
 
-@fact
 def extreme_change(e: Evidence, of: str) -> Fact:
     """Return the largest rise or fall of a maximum, %; NaN where it is in another cell."""
     kind, way, sockets, tissue, quantity, printed = of.split()
@@ -192,7 +184,6 @@ def extreme_change(e: Evidence, of: str) -> Fact:
     }
 
 
-@fact
 def changes_of_several_hundred(e: Evidence, of: str) -> Fact:
     """Return the number of maxima that change by several hundred percent."""
     rows = _both(e)
@@ -201,7 +192,6 @@ def changes_of_several_hundred(e: Evidence, of: str) -> Fact:
     return {"value": far[0], "by_size": far[1], "n": len(rows), "largest": signed.max()}
 
 
-@fact
 def share_of_several_hundred(e: Evidence, of: str) -> Fact:
     """Return the share of all cells that change by several hundred percent."""
     rows = _changes(e)
@@ -211,7 +201,6 @@ def share_of_several_hundred(e: Evidence, of: str) -> Fact:
     return {"value": far.mean(), "n": len(rows), **parts}
 
 
-@fact
 def sites_spread_more(e: Evidence, of: str) -> Fact:
     """Return whether changes at sites spread wider than those of maxima, stresses and strains."""
     sites, both = {}, {}
@@ -223,7 +212,6 @@ def sites_spread_more(e: Evidence, of: str) -> Fact:
     return {"value": wider, "sites": sites, "both": both}
 
 
-@fact
 def changes_near(e: Evidence, of: str) -> Fact:
     """Return the share of the cells of Table 3 or 5 whose change is about the paper's."""
     e.need_sets()
@@ -239,14 +227,12 @@ def changes_near(e: Evidence, of: str) -> Fact:
     }
 
 
-@fact
 def both_directions(e: Evidence, of: str) -> Fact:
     """Return the numbers of maxima that rise and that fall in magnitude."""
     size = _both(e).magnitude_change_pct
     return {"value": (int((size > 0).sum()), int((size < 0).sum()))}
 
 
-@fact
 def median_change(e: Evidence, of: str) -> Fact:
     """Return the median change of the maxima's magnitude, %."""
     return {"value": _both(e).magnitude_change_pct.abs().median()}
@@ -259,7 +245,6 @@ def _rise(e: Evidence, socket: str, quantity: str = PEAK) -> float:
     return relative_change(*(e.value(socket, name, "skin", quantity) for name in SETS))
 
 
-@fact
 def pressure_rise(e: Evidence, of: str) -> Fact:
     """Return the rise of the largest contact pressure with Combined in some sockets, %."""
     rises = {socket: _rise(e, socket) for socket in of.split("+")}
@@ -269,11 +254,12 @@ def pressure_rise(e: Evidence, of: str) -> Fact:
     if falls:
         c10 = e.laws["separate"]["fascia"].get("c10")
         why = f"in {', '.join(falls)} the mean rises, the largest falls: in Separate a fascia of "
-        why += f"C10 {c10:g} MPa gathers pressure in peaks" if c10 else "another law is stiffer"
+        why += (
+            f"C10 {c10:g} MPa concentrates pressure in peaks" if c10 else "another law is stiffer"
+        )
     return {"value": tuple(rises.values()), "rises": rises, "means": means, "why": why}
 
 
-@fact
 def ranking_of_rises(e: Evidence, of: str) -> Fact:
     """Return the sockets by the rise of the largest contact pressure."""
     rises = {socket: _rise(e, socket) for socket in SOCKETS}
@@ -297,23 +283,20 @@ def _alike(values: dict[Key, float]) -> Fact:
     return {"value": alike, "runs": {run_name(key): value for key, value in values.items()}}
 
 
-@fact
 def alike_pressures(e: Evidence, of: str) -> Fact:
     """Return the pairs of runs of one set or of one socket with one mean contact pressure."""
     return _alike({key: e.value(*key, "skin", MEAN) for key in e.results})
 
 
-@fact
 def alike_forces(e: Evidence, of: str) -> Fact:
     """Return the pairs of runs of one set or of one socket with one pressing force."""
     return _alike({key: each.checks.pressing_force_N_per_mm for key, each in e.results.items()})
 
 
-@fact
 def distance_of_peaks(e: Evidence, of: str) -> Fact:
     """Return the smallest distance of two sockets' largest contact pressures in one set, mm."""
     distances = [
-        np.hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm)
+        _distance(a, b)
         for name in SETS
         for a, b in combinations([e.row(socket, name, "skin", PEAK) for socket in SOCKETS], 2)
     ]
@@ -338,19 +321,17 @@ def _muscle(e: Evidence, name: str) -> dict[str, float]:
     return {socket: abs(e.value(socket, name, "muscle", "shear_log_strain")) for socket in SOCKETS}
 
 
-@fact
 def largest_shear_strain(e: Evidence, of: str) -> Fact:
     """Return the largest shear strain of a set, %."""
     values = {
         f"{socket} {tissue}": abs(e.value(socket, of, tissue, "shear_log_strain"))
         for socket in SOCKETS
-        for tissue in SOFT_TISSUES
+        for tissue in SUMMARY_TISSUES
     }
     where = max(values, key=lambda name: values[name])
     return {"value": values[where], "where": where}
 
 
-@fact
 def muscle_above(e: Evidence, of: str) -> Fact:
     """Return the sockets in which muscle's shear strain is above a value, in one set."""
     name, limit = of.split()
@@ -359,7 +340,6 @@ def muscle_above(e: Evidence, of: str) -> Fact:
     return {"value": above, "strains": values}
 
 
-@fact
 def largest_fascia_strain(e: Evidence, of: str) -> Fact:
     """Return the largest strain of fascia, %; NaN where a socket stays below its threshold."""
     sockets, name = of.split()
@@ -370,14 +350,12 @@ def largest_fascia_strain(e: Evidence, of: str) -> Fact:
     return {"value": value, "strains": strains, "size": size}
 
 
-@fact
 def fascia_strains(e: Evidence, of: str) -> Fact:
     """Return the strains of fascia in a case, %."""
     strains = _fascia(e, *of.split())
     return {"value": tuple(strains.values()), "strains": strains}
 
 
-@fact
 def fascia_strain_in_hs(e: Evidence, of: str) -> Fact:
     """Return the largest strain of the separate fascia, %; NaN above its threshold or not in HS."""
     strains = _largest_in_fascia(e, "separate")
@@ -392,7 +370,6 @@ def fascia_strain_in_hs(e: Evidence, of: str) -> Fact:
     return {"value": value if here else np.nan, "strains": strains, "wrong": wrong}
 
 
-@fact
 def tissues_at_risk_differ(e: Evidence, of: str) -> Fact:
     """Return whether other tissues pass their thresholds in one set than in the other."""
     limits = e.thresholds
@@ -416,7 +393,6 @@ def tissues_at_risk_differ(e: Evidence, of: str) -> Fact:
 # --- the calibration
 
 
-@fact
 def matched_curve(e: Evidence, of: str) -> Fact:
     """Return the forces with Table 1's combined law over Separate's, at every displacement.
 
@@ -429,7 +405,6 @@ def matched_curve(e: Evidence, of: str) -> Fact:
     return {"value": tuple(table1), **parts}
 
 
-@fact
 def force_without_fascia(e: Evidence, of: str) -> Fact:
     """Return the forces with muscle's law in the fascia over the others, at every displacement."""
     force = e.checked_calibration().force
@@ -437,7 +412,6 @@ def force_without_fascia(e: Evidence, of: str) -> Fact:
     return {"value": tuple(np.concatenate(list(over.values()))), **over}
 
 
-@fact
 def deviation_without_fascia(e: Evidence, of: str) -> Fact:
     """Return whether ignoring fascia is further from Separate than both combined laws are."""
     found = e.checked_calibration()
@@ -447,7 +421,6 @@ def deviation_without_fascia(e: Evidence, of: str) -> Fact:
     return {"value": off[IGNORED] > max(off[TABLE1], off[FITTED]), **off, "why": why}
 
 
-@fact
 def cannot_be_repeated(e: Evidence, of: str) -> Fact:
-    """Refuse a claim, with the reason why it cannot be checked."""
+    """Return why a claim cannot be checked."""
     raise NotChecked(of)

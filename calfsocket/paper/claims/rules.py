@@ -1,11 +1,12 @@
 """How a claim is checked: a fact found in the study, a rule, and what the paper has.
 
-A row of ``data/checks.csv`` is a claim: ``fact`` names a function that finds the actual value, for
-what ``of`` says; ``rule`` names how the value is compared with ``expected``. ``ours`` and ``why``
+A row of ``data/checks.csv`` is a claim: ``fact`` names a function of `claims.given` or
+`claims.found`, all of whose public functions are facts; it finds the actual value, for what ``of``
+says; ``rule`` names how the value is compared with ``expected``. ``ours`` and ``why``
 are what a reader sees of the fact, and of the reason where the claim does not hold, with the parts
-of the fact in braces (`Words`); ``paper`` is what the paper has. ``judges`` tells claims on results
-from those that only restate an input of the study or compare the paper with itself; those hold by
-construction, and ``given`` says by which.
+of the fact in braces (`Words`); ``paper`` is what the paper has. ``judges`` separates claims on
+results from those that only restate an input of the study or compare the paper with itself; those
+hold by construction, and ``given`` says by which.
 """
 
 import string
@@ -21,7 +22,6 @@ from calfsocket.paper.claims.tolerances import (
     about,
     about_change,
 )
-from calfsocket.paper.evidence import Evidence
 from calfsocket.report.table import change, number
 
 RESULT, INPUT, PAPER = "result", "input", "paper"
@@ -29,19 +29,6 @@ RESULT, INPUT, PAPER = "result", "input", "paper"
 
 Fact = dict[str, Any]
 """What a study says on a claim: "value", which a rule judges, and other parts of the texts."""
-
-Finder = Callable[[Evidence, str], Fact]
-
-FACTS: dict[str, Finder] = {}
-
-
-def fact(function: Finder) -> Finder:
-    """Register a function under its name."""
-    if function.__name__ in FACTS:
-        raise ValueError(f"fact {function.__name__} has two functions")
-    FACTS[function.__name__] = function
-    return function
-
 
 RULES: dict[str, Callable[[Any, str], bool]] = {
     "true": lambda value, _: bool(value),

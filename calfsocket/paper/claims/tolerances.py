@@ -1,4 +1,7 @@
-"""What the words of the claims mean in numbers: one place, the same for all claims and variants."""
+"""What the words of the claims mean in numbers, beside ``expected`` in data/checks.csv.
+
+They are the same for all claims and variants.
+"""
 
 SAME = 1e-6
 """Inputs that should equal a printed number may differ by this share (rounding of units)."""
@@ -27,17 +30,8 @@ ABOUT_POINTS = 15.0
 MOST = 0.9
 """A statement on all cells of a table holds when this share of them agrees."""
 
-FLAT = 0.5
-"""A plate's face is flat when this share of its width is, or more: the rest is rounded edges."""
-
 SEVERAL_HUNDRED_PCT = 200.0
 """Least relative change that is "several hundred percent"."""
-
-OFTEN = 0.2
-"""Least share of cells that is "often"; the paper's own tables have 22 %."""
-
-LARGE_PCT = 20.0
-"""Least median change of magnitude that is "considerable"."""
 
 
 def about(ours: float, paper: float, factor: float = ABOUT) -> bool:

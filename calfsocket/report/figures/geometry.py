@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shapely import Polygon
 
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import (
@@ -23,6 +23,7 @@ from calfsocket.plotting.style import (
     window_around,
 )
 from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.simulation.results import Results
 
 LIMB = "#d9d9d9"
@@ -32,11 +33,14 @@ EDGE: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.4}
 
 ROOM_FOR_NUMBER_MM = 2.2  # radius that a number of two digits needs
 
+Place = NDArray[np.float64]
+"""x and y, mm."""
+
 
 def regions(results: Results) -> Figure:
     """Draw the unloaded limb, its tissues in colour, with a number and a name for every region."""
     fields = next(iter(results.values())).fields
-    limb = drawing.cells_of(fields, *drawing.SOFT_TISSUES, "bone")
+    limb = fields.cells_of(*SUMMARY_TISSUES, "bone")
     points = fields.points
     window = window_around(points[np.unique(fields.cells[limb])], margin_mm=1.0)
     size = 112.0  # mm of paper
@@ -69,9 +73,7 @@ def _by_tissue(fields: SectionFields) -> list[int]:
     return sorted(ids, key=lambda i: (order.index(fields.region_tissues[i]), i))
 
 
-def _number_places(
-    fields: SectionFields, ids: list[int]
-) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]]:
+def _number_places(fields: SectionFields, ids: list[int]) -> list[tuple[int, Place, Place | None]]:
     """Return number, place, and for regions too small for it the point that a line leads to.
 
     A number stands where its region is widest. That of a small one stands beside it, at the place
@@ -81,8 +83,8 @@ def _number_places(
     outlines = cKDTree(
         np.vstack([drawing.boundary(nodes[i], fields.points).interpolated(3).vertices for i in ids])
     )
-    placed: list[tuple[int, NDArray[np.float64], NDArray[np.float64] | None]] = []
-    small: list[tuple[int, NDArray[np.float64]]] = []
+    placed: list[tuple[int, Place, Place | None]] = []
+    small: list[tuple[int, Place]] = []
     for number, region in enumerate(ids, start=1):
         inside = fields.points[np.unique(nodes[region])]
         room, _ = outlines.query(inside)
@@ -115,10 +117,8 @@ def _draw_names(figure: Figure, fields: SectionFields, ids: list[int], left: flo
         if fields.region_tissues[region] != tissue:
             tissue = fields.region_tissues[region]
             y -= 0.4 * step
-            swatch = Rectangle(
-                (0, y - 1.1), 4.0, 2.2, facecolor=drawing.TISSUE_COLOURS[tissue], **EDGE
-            )
-            axes.add_patch(swatch)
+            colour = drawing.TISSUE_COLOURS[tissue]
+            axes.add_patch(Rectangle((0, y - 1.1), 4.0, 2.2, facecolor=colour, **EDGE))
             axes.text(5.5, y, tissue, fontsize=7.5, weight="bold", va="center")
             y -= step
         axes.text(4.0, y, str(number), fontsize=7, va="center", ha="right")
@@ -153,7 +153,7 @@ def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
     """Draw limb and socket as meshed; return the share of area that the socket takes, %."""
     points = fields.points
     limb = drawing.limb_boundary(fields, points)
-    socket = drawing.boundary(fields.cells[drawing.cells_of(fields, "socket")], points)
+    socket = drawing.boundary(fields.cells[fields.cells_of("socket")], points)
     drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0)
     drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK)
     drawing.draw_path(axes, socket, facecolor=drawing.SOCKET, linewidth=0)
@@ -161,15 +161,6 @@ def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
     inside.set_clip_path(limb, axes.transData)
     for path in (limb, socket):
         drawing.draw_path(axes, path, fill=False, edgecolor=drawing.OUTLINE, linewidth=0.4)
-    outline = max(_areas(limb))
-    cavity = min(_areas(socket))
+    outline = max(Polygon(np.asarray(curve)).area for curve in limb.to_polygons())
+    cavity = min(Polygon(np.asarray(curve)).area for curve in socket.to_polygons())
     return 100 * (outline - cavity) / outline
-
-
-def _areas(path: Path) -> list[float]:
-    """Area within each closed curve of a path, mm^2."""
-    areas = []
-    for polygon in path.to_polygons(closed_only=True):
-        x, y = np.asarray(polygon).T
-        areas.append(0.5 * abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))))
-    return areas

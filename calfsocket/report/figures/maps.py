@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -37,15 +37,11 @@ class Map:
     beyond: str
 
     @property
-    def shades(self) -> Colormap:
+    def scale(self) -> ScalarMappable:
         """Colours within and beyond the limits."""
         shades = matplotlib.colormaps[self.colours]
-        return shades.with_extremes(over=self.beyond, under=self.beyond)
-
-    @property
-    def norm(self) -> Normalize:
-        """Place of a value within the limits."""
-        return Normalize(self.low, self.high)
+        shades = shades.with_extremes(over=self.beyond, under=self.beyond)
+        return ScalarMappable(Normalize(self.low, self.high), shades)
 
 
 EFFECTIVE_STRESS = Map(
@@ -68,29 +64,26 @@ SHEAR_STRAIN = Map(
 
 def draw_map(results: Results, what: Map) -> Figure:
     """Draw the field of every case on one scale, with the site of each tissue's maximum."""
-    sections = [drawing.deformed(result.fields) for result in results.values()]
+    sections = [result.fields.deformed for result in results.values()]
     window = window_around(*sections, margin_mm=2.0)
 
     def draw(axes: Axes, result: Result) -> None:
-        fields, points = result.fields, drawing.deformed(result.fields)
-        soft = drawing.cells_of(fields, *drawing.SOFT_TISSUES)
-        values = result.quantities.nodal[what.quantity]
-        axes.imshow(
-            drawing.field_image(fields, values, soft, window, PIXELS),
-            extent=window,
-            origin="lower",
-            cmap=what.shades,
-            norm=what.norm,
+        drawing.draw_field(
+            axes,
+            result.fields,
+            result.quantities.nodal[what.quantity],
+            window,
+            PIXELS,
+            linewidth=0.25,
+            cmap=what.scale.cmap,
+            norm=what.scale.norm,
             interpolation="antialiased",
             interpolation_stage="rgba",
         )
-        drawing.draw_tissue(axes, fields, points, "bone", facecolor=drawing.BONE)
-        drawing.draw_tissue(axes, fields, points, "socket", facecolor=drawing.SOCKET)
-        drawing.draw_outlines(axes, fields, points, linewidth=0.25, zorder=3)
         for tissue in SUMMARY_TISSUES:
             level = result.quantities.maximum(tissue, what.quantity)
             if level.region:
-                site = deformed_site(fields, level.x_mm, level.y_mm)
+                site = deformed_site(result.fields, level.x_mm, level.y_mm)
                 axes.plot(*site, MARKERS[tissue], **MARKER, markersize=3.2, zorder=5)
 
     figure = case_panels(results, window, draw)
@@ -108,7 +101,7 @@ def _draw_key(figure: Figure, what: Map) -> None:
     bar = add_axes(figure, 7.0, 7.0, 65.0, 2.6)
     both = what.low < 0
     figure.colorbar(
-        ScalarMappable(what.norm, what.shades),
+        what.scale,
         cax=bar,
         orientation="horizontal",
         extend="both" if both else "max",

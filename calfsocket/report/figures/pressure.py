@@ -1,5 +1,7 @@
 """Contact pressure drawn around the limb."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,6 +20,7 @@ from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
 
 HIGHEST_BAND_MM = 26.0
+PEAK: dict[str, Any] = {"marker": "o", "linestyle": "", "color": drawing.ABOVE, "markersize": 3.4}
 
 
 def contact_pressure(results: Results) -> Figure:
@@ -37,7 +40,7 @@ def contact_pressure(results: Results) -> Figure:
 
     def draw(axes: Axes, result: Result) -> None:
         fields, band = result.fields, bands[result.record.key]
-        points = drawing.deformed(fields)
+        points = fields.deformed
         limb = drawing.limb_boundary(fields, points)
         drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0, zorder=3)
         drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK, zorder=4)
@@ -45,7 +48,7 @@ def contact_pressure(results: Results) -> Figure:
         smooth = result.line.running_mean_kPa
         peak = int(np.argmax(smooth))
         x, y = band.at(band.pressure_kPa)[peak]
-        axes.plot(x, y, "o", markersize=3.4, color=drawing.ABOVE, zorder=6)
+        axes.plot(x, y, **PEAK, zorder=6)
         mean = result.contact_levels["contact_pressure_mean"].value
         share = result.contact_levels["contact_share"].value
         x, y = limb.get_extents().get_points().mean(axis=0)
@@ -56,25 +59,16 @@ def contact_pressure(results: Results) -> Figure:
         )  # fmt: skip
 
     figure = case_panels(results, window, draw)
-    legend_at(
-        figure,
-        2.0,
-        11.0,
-        [
-            Patch(facecolor=pressure_band.FILL, edgecolor=pressure_band.EDGE, linewidth=0.9,
-                  label="contact pressure, drawn outward from the skin"),
-            Line2D([], [], **pressure_band.LEVEL_LINE, label="lines of equal pressure, kPa"),
-        ],
-    )  # fmt: skip
-    legend_at(
-        figure,
-        2.0,
-        5.0,
-        [
-            Line2D([], [], marker="o", linestyle="", color=drawing.ABOVE, markersize=3.4,
-                   label=f"largest running mean over {RUNNING_MEAN_MM:g} mm"),
-            Patch(color=LIMB, label="limb"),
-            Patch(color=BONE_DARK, label="bone"),
-        ],
-    )  # fmt: skip
+    pressure = [
+        pressure_band.key("contact pressure, drawn outward from the skin"),
+        Line2D([], [], **pressure_band.LEVEL_LINE, label="lines of equal pressure, kPa"),
+    ]
+    largest = f"largest running mean over {RUNNING_MEAN_MM:g} mm"
+    rest = [
+        Line2D([], [], **PEAK, label=largest),
+        Patch(color=LIMB, label="limb"),
+        Patch(color=BONE_DARK, label="bone"),
+    ]
+    legend_at(figure, 2.0, 11.0, pressure)
+    legend_at(figure, 2.0, 5.0, rest)
     return figure

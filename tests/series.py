@@ -7,22 +7,11 @@ from calfsocket.forms.kinematics import cosh_minus_one, log_ratio_squared
 
 
 def series_error(alpha: float, stretch_ratio: ArrayLike) -> NDArray[np.float64]:
-    """Relative error of the stress that an Ogden term's distortion l1/l2 causes.
+    """Relative error of the stress that an Ogden term's distortion l1/l2 > 1 causes.
 
     That stress is proportional to d(cosh(alpha d/2))/dx = alpha sinh(alpha d/2) / (2 sinh d) with
-    d = ln(l1/l2) and x = cosh(d) - 1.
-
-    Parameters
-    ----------
-    alpha : float
-        Ogden's exponent; 0 is the limit alpha -> 0, which is Hencky's law.
-    stretch_ratio : array_like
-        l1/l2 > 1.
-
-    Returns
-    -------
-    array
-        Relative error; rounding leaves about 1e-15.
+    d = ln(l1/l2) and x = cosh(d) - 1; alpha = 0 is the limit, which is Hencky's law. Rounding
+    leaves about 1e-15.
     """
     d = np.log(np.asarray(stretch_ratio, dtype=float))
     squared = log_ratio_squared(2.0 * np.sinh(0.5 * d) ** 2, sqrt=np.sqrt)
