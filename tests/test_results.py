@@ -147,7 +147,7 @@ def read_everything(folder: Path) -> None:
         (write("run.json", "{}"), "run.json: is not the run.json of a study"),
         (write("contact.csv", ""), "contact.csv: cannot be read"),
         (write("steps.csv", "a\n1\n"), "no column 'socket'"),
-        (write("summary.csv", "socket,material_set\nHS,separate\n"), "no row of TC_separate"),
+        (write("summary.csv", "socket,material_set\nHS,separate\n"), "no rows of TC_separate"),
         (lose("HS_separate/fields.vtu"), "fields.vtu: cannot be read"),
         (lose("HS_separate/contact.csv"), "HS_separate/contact.csv: cannot be read"),
         (write("HS_separate/contact.csv", "a\n1\n"), "HS_separate/contact.csv: cannot be read"),
