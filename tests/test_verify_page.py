@@ -18,7 +18,7 @@ def subjects(monkeypatch):
 
     def subject(name):
         def report(extra=0.0):
-            frame = pd.DataFrame({"name": ["a"], "number": [1.23456], "count": [7]})
+            frame = pd.DataFrame({"|name|": ["|a|"], "number": [1.23456], "count": [7]})
             return Section(
                 f"Subject {name}",
                 "What it is.",
@@ -42,7 +42,8 @@ def test_page_holds_checks_tables_figures_and_files(subjects, tmp_path):
     assert page.write_page(tmp_path, page.SUBJECTS)
     text = (tmp_path / "verification.md").read_text()
     assert "| error | 1 mm | ≤ 2 mm | passes | by hand |" in text
-    assert "| a | 1.23 | 7 |" in text
+    assert r"| \|name\| | number | count |" in text
+    assert r"| \|a\| | 1.23 | 7 |" in text
     assert "| [Subject first](#subject-first) | `first` | 1 | 1 |" in text
     assert "| all |  | 2 | 2 |" in text
     for name in subjects:
@@ -76,7 +77,7 @@ def test_options_reach_their_subject(subjects, tmp_path):
 
 def test_unknown_subject_names_the_known_ones(subjects):
     assert page.chosen_subjects(["second", "first"]) == ["first", "second"]
-    with pytest.raises(InputError, match="--only: 'third' is none of first, second"):
+    with pytest.raises(InputError, match="--only: unknown subject 'third'; use first, second"):
         page.chosen_subjects(["first", "third"])
 
 

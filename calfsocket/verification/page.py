@@ -223,8 +223,8 @@ def _markdown(frame: pd.DataFrame, right: Collection[str]) -> str:
     """Markdown of a table of texts, some columns to the right."""
     align = ["--:" if name in right else "---" for name in frame]
     # Bars of magnitudes must not end a cell.
-    cells = [[str(text).replace("|", r"\|") for text in row] for row in frame.to_numpy()]
-    return "\n".join(f"| {' | '.join(row)} |" for row in [list(frame), align, *cells])
+    rows = [[str(text).replace("|", r"\|") for text in row] for row in [frame, *frame.to_numpy()]]
+    return "\n".join(f"| {' | '.join(row)} |" for row in [rows[0], align, *rows[1:]])
 
 
 def _figure(figure: Figure, folder: Path) -> str:
