@@ -10,13 +10,15 @@ from hypothesis import strategies as st
 from test_bad_input import GOOD
 
 from calfsocket.io.errors import InputError
-from calfsocket.study import document, reading
+from calfsocket.mechanics.stepping import LoadSteps
+from calfsocket.study import document
 from calfsocket.study.files import Files
+from calfsocket.study.study import Study
 
 KEYS = sorted(
     {
         *document.Document.model_fields,
-        *(key for table in (document.StudyTable, document.ModelTable, document.StepsTable,
+        *(key for table in (document.StudyTable, document.ModelTable, LoadSteps,
                             document.CaseTable, document.ThresholdTable)
           for key in table.model_fields),
         "grid", "like", "law", "outline", "file", "fat", "soleus", "mine", "TC", "separate", "mu",
@@ -47,13 +49,13 @@ FUZZ = settings(
 
 
 @pytest.fixture(scope="module")
-def paper() -> reading.StudyFile:
-    return reading.paper_study()
+def paper() -> Study:
+    return Study.paper()
 
 
-def plan_or_one_line(plan) -> None:
+def plan_or_one_line(study) -> None:
     try:
-        plan()
+        assert study().plan
     except InputError as error:
         assert str(error).isprintable()
         assert "study.toml: " in str(error)
@@ -66,15 +68,8 @@ def plan_or_one_line(plan) -> None:
 @example(content={"cases": [{"socket": "TC", "materials": "separate", "set": {"": 1}}]})
 @example(content={"cases": [{"socket": "TC", "materials": "separate", "set": {"model": {}}}]})
 def test_any_content_is_planned_or_refused(content, paper, tmp_path):
-    file = reading.StudyFile(
-        path=Path("study.toml"),
-        content=content,
-        files=Files(tmp_path),
-        limb=paper.limb,
-        reference=paper.reference,
-        sha256={},
-    )
-    plan_or_one_line(file.plan)
+    study = replace(paper, path=Path("study.toml"), content=content, files=Files(tmp_path))
+    plan_or_one_line(lambda: study)
 
 
 @FUZZ
@@ -86,7 +81,7 @@ def test_a_file_with_a_piece_replaced_is_planned_or_refused(start, length, inste
     path.write_text(
         GOOD[:start] + instead + GOOD[start + length :], encoding="utf-8", errors="replace"
     )
-    plan_or_one_line(lambda: reading.read_study(path).plan())
+    plan_or_one_line(lambda: Study.read(path))
 
 
 REAL_NAMES = st.sampled_from(
@@ -108,4 +103,5 @@ def test_any_change_is_planned_or_refused(grid, custom, paper, tmp_path):
     content = tomllib.loads(GOOD) | {"sweep": {"grid": grid}}
     content["study"] = {}
     content["cases"] = [{"socket": "mine", "materials": "soft", "set": custom}]
-    plan_or_one_line(replace(paper, path=Path("study.toml"), content=content).plan)
+    study = replace(paper, path=Path("study.toml"), content=content)
+    plan_or_one_line(lambda: study)

@@ -75,7 +75,7 @@ def test_contact_that_is_absent_is_said():
     ("wrong", "message"),
     [
         ({"largest": -1.0}, "LoadSteps: largest: is -1.0; it must be greater than 0"),
-        ({"first": 0.5}, "first 0.5 and largest 0.25 must not fall"),
+        ({"first": 0.5}, "first 0.5, largest 0.25: they must satisfy"),
         ({"cutback": 1.0}, "cutback: is 1.0; it must be less than 1"),
         ({"bigest": 0.5}, "unknown key 'bigest'"),
     ],
