@@ -125,7 +125,7 @@ def test_fields_on_the_mesh(striped) -> None:
     assert total == pytest.approx((0.35 + 0.024 + 2.0 + 5.0) / 4)
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_fields_on_several_ranks(ranks: int, mpirun) -> None:
     """The tests of the fields again, the mesh distributed."""
     options = ["-q", "-n0", "-p", "no:cacheprovider", "-k", "not several_ranks"]

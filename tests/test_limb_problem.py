@@ -130,7 +130,7 @@ def one(solved):
     return {"ring": describe(solved), "pulled": describe_pulled(pulled_rings(MPI.COMM_SELF))}
 
 
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_ranks_agree(ranks, one, mpirun):
     program = Path(__file__).with_name("ring_model.py")
     found = json.loads(mpirun(ranks, [os.fspath(program)], timeout=240))

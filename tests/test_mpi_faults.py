@@ -142,7 +142,9 @@ def test_a_fault_of_one_rank(trial, launch, tmp_path, unbroken):
         pytest.param(
             2, {"owners": [1, 0], "ranks_per_case": 2}, id="socket-first", marks=pytest.mark.slow
         ),
-        pytest.param(3, {"owners": [2, 0], "ranks_per_case": 3}, id="one-rank-empty"),
+        pytest.param(
+            3, {"owners": [2, 0], "ranks_per_case": 3}, id="one-rank-empty", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_shapes(ranks, how, launch, tmp_path):

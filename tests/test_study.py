@@ -154,7 +154,7 @@ def test_results_of_other_settings_are_not_overwritten(results, capsys):
 
 def test_a_case_that_fails_says_why_and_does_not_stop_the_others(mpirun, tmp_path):
     words = ["-m", "calfsocket", "--size", "coarse", "--sockets", "TC,TSB", "--no-pictures"]
-    words += ["--materials", "combined", "-calfsocket_snes_max_it", "1"]
+    words += ["--no-report", "--materials", "combined", "-calfsocket_snes_max_it", "1"]
     mpirun(2, words, timeout=300, code=1)
     cases = json.loads((tmp_path / "results" / "run.json").read_text())["cases"]
     assert set(cases) == {"TC_combined", "TSB_combined"}
@@ -167,7 +167,9 @@ def test_a_case_that_fails_says_why_and_does_not_stop_the_others(mpirun, tmp_pat
 @pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_one_case_on_several_ranks_agrees(ranks, mpirun, tmp_path, summary):
     words = ["-m", "calfsocket", "--size", "coarse", "--sockets", "TSB", "--materials", "combined"]
-    mpirun(ranks, [*words, "--ranks-per-case", str(ranks), "--no-pictures"], timeout=400)
+    mpirun(
+        ranks, [*words, "--ranks-per-case", str(ranks), "--no-pictures", "--no-report"], timeout=400
+    )
     several = pd.read_csv(tmp_path / "results" / "summary.csv")
     same = ["socket", "material_set", "tissue", "quantity", "unit", "region"]
     pd.testing.assert_frame_equal(several[same], summary[same])
@@ -177,7 +179,7 @@ def test_one_case_on_several_ranks_agrees(ranks, mpirun, tmp_path, summary):
 @pytest.mark.slow
 def test_cases_side_by_side_are_exactly_those_one_after_another(mpirun, tmp_path):
     words = ["-m", "calfsocket", "--size", "coarse", "--sockets", "TSB,TC", "--materials"]
-    words += ["combined", "--no-pictures"]
+    words += ["combined", "--no-pictures", "--no-report"]
     for ranks in (1, 2):
         mpirun(ranks, [*words, "--out", f"on{ranks}"], timeout=900)
     for name in ("summary.csv", "contact.csv"):
