@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar, cast
 
-from calfsocket.io.errors import InputError
+from calfsocket.io.errors import CalfsocketError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -19,15 +19,15 @@ def on_first_rank(comm: "MPI.Intracomm", task: Callable[[], Value]) -> Value:
 
     Raises
     ------
-    InputError
+    CalfsocketError
         On all ranks, if the task raises one.
     """
     value: Value | None = None
-    refusal: InputError | None = None
+    refusal: CalfsocketError | None = None
     if comm.rank == 0:
         try:
             value = task()
-        except InputError as error:
+        except CalfsocketError as error:
             refusal = error
     value, refusal = comm.bcast((value, refusal), root=0)
     if refusal is not None:

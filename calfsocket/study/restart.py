@@ -62,10 +62,7 @@ def earlier_run(path: Path, conditions: Mapping[str, Any] | None) -> StudyRecord
     """
     if not path.exists():
         return None
-    try:
-        run = read_run(path)
-    except InputError as error:
-        raise InputError(f"{error}; or add --overwrite to start again") from None
+    run = read_run(path)
     differing = [key for key, value in (conditions or {}).items() if getattr(run, key) != value]
     if differing:
         raise InputError(

@@ -22,6 +22,7 @@ from calfsocket.io.errors import (
 )
 from calfsocket.io.tables import merge_csv
 from calfsocket.mechanics.stepping import LoadStep, Milestone
+from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.parallel.progress import Event, Reporter
 from calfsocket.parallel.scheduler import Scheduler
 from calfsocket.postprocess.thresholds import shares_beyond
@@ -68,17 +69,14 @@ class Runner:
 
     def _begin(self, resume: bool) -> tuple[Recorder | None, tuple[Case, ...]]:
         """Open the record on rank 0; return it there, and the cases to solve on all ranks."""
-        recorder, refusal = None, None
-        numbers: list[int] = []
-        if self.comm.rank == 0:
-            try:
-                recorder = Recorder(self.plan, self.out, self.comm.size, resume)
-                numbers = [self.plan.cases.index(case) for case in recorder.to_solve]
-            except CalfsocketError as error:
-                refusal = error
-        refusal, numbers = self.comm.bcast((refusal, numbers), root=0)
-        if refusal is not None:
-            raise refusal
+        recorder: Recorder | None = None
+
+        def opened() -> list[int]:
+            nonlocal recorder
+            recorder = Recorder(self.plan, self.out, self.comm.size, resume)
+            return [self.plan.cases.index(case) for case in recorder.to_solve]
+
+        numbers = on_first_rank(self.comm, opened)
         return recorder, tuple(self.plan.cases[number] for number in numbers)
 
     def _solve(self, cases: tuple[Case, ...], recorder: Recorder | None, resume: bool) -> None:
