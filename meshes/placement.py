@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from calfsocket.io.errors import InputError, error_context
-from calfsocket.meshes.curves import Array, ClosedCurve, at, polar_angle
+from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.socket import Socket
 
@@ -27,7 +27,7 @@ class Placement:
     smallest_overlap: float  #: how deep the skin lies in the socket, mm
     mean_overlap: float
     largest_overlap: float
-    smallest_angle: float  #: polar angle of the smallest overlap, degrees
+    smallest_angle: float  #: anatomical angle of the smallest overlap, degrees
     largest_angle: float
     squeezed: float  #: greatest depth as a share of the tissue from the skin to the nearest bone
 
@@ -54,7 +54,8 @@ def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
 def _placement(socket: Socket, limb: Limb) -> Placement:
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
-    inner, _ = socket.faces(skin)
+    inner, _ = socket.faces(limb)
+    at = limb.frame.at
     points = skin.evaluate(skin.sample(SKIN_STEP))
     face = inner.evaluate(inner.sample(CURVE_STEP))
     if not shapely.Polygon(face).intersects(shapely.Polygon(points)):
@@ -87,8 +88,8 @@ def _placement(socket: Socket, limb: Limb) -> Placement:
         smallest_overlap=float(overlap[least]),
         mean_overlap=float(np.mean(overlap)),
         largest_overlap=float(overlap[most]),
-        smallest_angle=float(polar_angle(points[least])),
-        largest_angle=float(polar_angle(points[most])),
+        smallest_angle=float(limb.frame.angle(points[least])),
+        largest_angle=float(limb.frame.angle(points[most])),
         squeezed=float(squeezed[worst]),
     )
 

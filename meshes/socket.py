@@ -14,7 +14,9 @@ from calfsocket.io.quantity import Written
 from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
 from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
 from calfsocket.meshes import curves
-from calfsocket.meshes.curves import Array, ClosedCurve, Points, at, polar_angle
+from calfsocket.meshes.curves import Array, ClosedCurve, Points
+from calfsocket.meshes.frame import Frame
+from calfsocket.meshes.limb import Limb
 
 #: How far a socket's face may lie from the skin, mm.
 Offset = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-100, le=100)]
@@ -27,7 +29,9 @@ Modulus = Annotated[float, Written(STRESS, "1.5 GPa"), Field(gt=0)]
 
 
 class Bump(Strict):
-    r"""A Gaussian of the polar angle (0 lateral, 90 degrees anterior); positive presses inward.
+    r"""A Gaussian of the anatomical angle (`frame.Frame`); positive presses inward.
+
+    0 is lateral, 90 anterior, 180 medial and 270 degrees posterior on a left leg as on a right one.
 
     .. math:: a \exp\left(-\tfrac12 \left(\frac{\mathrm{wrap}_{180}(\theta - \theta_0)}{w}\right)^2
         \right)
@@ -49,7 +53,7 @@ class Bump(Strict):
 
 
 def bumps_at(bumps: tuple[Bump, ...], angle: Array) -> Array:
-    """Return the sum of Gaussian bumps, mm, at polar angles in degrees, shape (n,)."""
+    """Return the sum of Gaussian bumps, mm, at anatomical angles in degrees, shape (n,)."""
     total = np.zeros_like(angle)
     for bump in bumps:
         turn = (angle - bump.center + 180.0) % 360.0 - 180.0
@@ -148,12 +152,12 @@ class Socket(Strict):
         numbers = {"e": self.modulus, "nu": self.poisson}
         return {name: value for name, value in numbers.items() if value is not None}
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
-        """Return the inner face for a limb of this skin outline."""
+    def inner_face(self, limb: Limb) -> ClosedCurve:
+        """Return the inner face for a limb."""
         raise NotImplementedError
 
-    def faces(self, skin: ClosedCurve) -> tuple[ClosedCurve, ClosedCurve]:
-        """Return the inner and the outer face for a limb of this skin outline.
+    def faces(self, limb: Limb) -> tuple[ClosedCurve, ClosedCurve]:
+        """Return the inner and the outer face for a limb.
 
         Raises
         ------
@@ -161,12 +165,13 @@ class Socket(Strict):
             When a face crosses itself, or the wall folds over where the inner face is hollow.
         """
         thickness = self.wall_thickness
-        inner = self.inner_face(skin)
-        _check_face(inner, "the inner face crosses itself", self._remedy)
-        _check_wall(inner, thickness)
+        inner = self.inner_face(limb)
+        _check_face(inner, limb.frame, "the inner face crosses itself", self._remedy)
+        _check_wall(inner, limb.frame, thickness)
         outer = curves.offset(inner, lambda points: np.full(len(points), thickness))
         _check_face(
             outer,
+            limb.frame,
             f"the outer face crosses itself, for a wall of {thickness:g} mm does not fit,",
             "make the wall thinner or the hollow there wider",
         )
@@ -181,17 +186,18 @@ class NormalOffset(Socket):
     base : float
         Distance by which the skin is moved inward, mm.
     bumps : tuple of Bump
-        Gaussians of the polar angle that are added.
+        Gaussians of the anatomical angle that are added.
     """
 
     law: Literal["normal_offset"] = "normal_offset"
     base: Offset
     bumps: tuple[Bump, ...] = ()
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+    def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the skin moved inward."""
+        angle = limb.frame.angle
         return curves.offset(
-            skin, lambda points: -(self.base + bumps_at(self.bumps, polar_angle(points)))
+            limb.skin, lambda points: -(self.base + bumps_at(self.bumps, angle(points)))
         )
 
 
@@ -212,7 +218,7 @@ class CircleBlend(Socket):
     roundness : float
         0 the shape of the skin, 1 a circle.
     bumps : tuple of Bump
-        Gaussians of the polar angle that are taken off.
+        Gaussians of the anatomical angle that are taken off.
     """
 
     law: Literal["circle_blend"] = "circle_blend"
@@ -220,8 +226,9 @@ class CircleBlend(Socket):
     roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
     bumps: tuple[Bump, ...] = ()
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+    def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the blend."""
+        skin = limb.skin
 
         def polar(t: Array) -> tuple[Array, Array]:
             """Return the polar radius of the skin and the derivative of its polar angle."""
@@ -236,7 +243,7 @@ class CircleBlend(Socket):
             return (1 - self.roundness) * polar(t)[0] + self.roundness * mean_radius
 
         def bumps(t: Array) -> Array:
-            return bumps_at(self.bumps, polar_angle(skin.evaluate(t)))
+            return bumps_at(self.bumps, limb.frame.angle(skin.evaluate(t)))
 
         bb = skin.integrate(lambda t: blend(t) ** 2 * polar(t)[1]) / 2
         bs = skin.integrate(lambda t: blend(t) * bumps(t) * polar(t)[1]) / 2
@@ -277,7 +284,7 @@ class Outline(Socket):
 
     _remedy: ClassVar[str] = "correct its points"
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+    def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the spline; it is the same for every limb."""
         turn = np.deg2rad(self.rotation)
         rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
@@ -287,25 +294,26 @@ class Outline(Socket):
 AnySocket = Annotated[Union[NormalOffset, CircleBlend, Outline], Field(discriminator="law")]  # noqa: UP007
 
 
-def _check_face(face: ClosedCurve, what: str, remedy: str) -> None:
+def _check_face(face: ClosedCurve, frame: Frame, what: str, remedy: str) -> None:
     crossing = curves.crossing_of(face)
     if crossing is not None:
-        raise InputError(f"{what} at {at(crossing)}; {remedy}")
+        raise InputError(f"{what} at {frame.at(crossing)}; {remedy}")
     if face.area <= 0:
         raise InputError("a face runs clockwise; give its points counter-clockwise")
 
 
-def _check_wall(inner: ClosedCurve, thickness: float) -> None:
+def _check_wall(inner: ClosedCurve, frame: Frame, thickness: float) -> None:
     """Refuse a wall that folds over: where the face is concave with a smaller radius."""
     t = inner.sample(inner.perimeter / curves.CROSSING_POINTS)
     # 1/mm, negative where the wall's material is squeezed together towards the outside.
     curvature = inner.curvature(t)
     worst = int(np.argmin(curvature))
     if 1 + thickness * curvature[worst] <= 0:
+        place = frame.at(inner.evaluate(t[worst]))
         raise InputError(
             f"a wall of {thickness:g} mm folds over where the inner face is concave with a radius"
-            f" of {-1 / curvature[worst]:.2g} mm, at {at(inner.evaluate(t[worst]))}; make the wall"
-            " thinner or the concavity wider"
+            f" of {-1 / curvature[worst]:.2g} mm, at {place}; make the wall thinner or the"
+            " concavity wider"
         )
 
 
@@ -313,12 +321,9 @@ def _check_wall(inner: ClosedCurve, thickness: float) -> None:
 
 
 class Sockets(Strict):
-    """Sockets by name as a file has them, in mm and degrees; the other keys are for people."""
+    """Sockets by name as a file has them, in mm and degrees."""
 
-    units: Literal["mm, deg"] = "mm, deg"
-    applies_to: str = ""
-    wall_rule: str = ""
-    laws: dict[str, str] = Field(default_factory=dict)
+    units: Literal["mm, deg"]
     sockets: Annotated[dict[str, AnySocket], Field(min_length=1)]
 
 

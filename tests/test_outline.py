@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry import LIMB, SKIN
+from geometry import LIMB
 from mesh_measures import area, jacobian_bounds
 from scipy.spatial import cKDTree
 
@@ -20,7 +20,7 @@ from calfsocket.meshes.socket import Outline, Socket
 from drawings import dxf
 
 TSB = Socket.reference("TSB")
-FACE = TSB.inner_face(SKIN)
+FACE = TSB.inner_face(LIMB)
 POINTS = FACE.evaluate(np.linspace(0, FACE.period, 180, endpoint=False))
 
 
@@ -133,7 +133,7 @@ def test_the_reference_socket_comes_back_from_a_file(
     custom = Socket.read(tmp_path / name)
     assert isinstance(custom, Outline)
     assert len(custom.points) <= MANY_POINTS
-    for face, reference in zip(custom.faces(SKIN), TSB.faces(SKIN), strict=True):
+    for face, reference in zip(custom.faces(LIMB), TSB.faces(LIMB), strict=True):
         assert deviation(face, reference) < 0.02
     found, wanted = check_placement(custom, LIMB), check_placement(TSB, LIMB)
     assert found.area_reduction == pytest.approx(wanted.area_reduction, abs=3e-5)

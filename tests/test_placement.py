@@ -90,7 +90,7 @@ def test_what_is_squeezed_is_the_overlap_over_the_tissue_above_bone() -> None:
 
 def test_an_outline_is_turned_about_the_origin_then_shifted() -> None:
     points = ring(54.0, waves=2.0)
-    found = outline(points, shift=(3.0, -1.0), rotation=90.0).inner_face(SKIN)
+    found = outline(points, shift=(3.0, -1.0), rotation=90.0).inner_face(LIMB)
     # (x, y) -> (-y, x): the first point, on +x, goes to +y.
     assert found.evaluate(0.0) == pytest.approx([3.0, 56.0 - 1.0])
     assert found.evaluate(found.knots[:-1]) == pytest.approx(
