@@ -19,6 +19,9 @@ FEWEST = 32
 #: Smallest radius of curvature of a curve that counts as smooth, mm. A right angle rounded off so
 #: leaves its corner by 0.8 mm, so that none is lost within the usual tolerance.
 SMALLEST_RADIUS = 2.0
+#: Radius, mm, of an arc whose chord a side may be, and the longest such side, mm: the triangles of
+#: a scan are up to 8 mm wide. What is longer was drawn straight.
+_ARC, _CHORD = 10.0, 8.0
 #: Distance of the points at which drawing and curve are compared, mm.
 _COMPARED = 0.25
 #: Weights of the roughness that are tried, relative to the data's.
@@ -37,7 +40,8 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
     .. math:: \sum_i |x_i - f(t_i)|^2 + \lambda \sum_k |\Delta^3 c_k|^2
 
     over its coefficients c. :math:`\lambda` is that of the least generalised cross-validation
-    [2]_, which leaves the shape and takes the noise, or the next larger one with which the curve is
+    [2]_, which leaves the shape and takes the noise, or the next smaller one that keeps the
+    tolerance, or the next larger one with which the curve is
     smooth: it does not cross itself, and its radius is nowhere less than `SMALLEST_RADIUS`.
 
     Parameters
@@ -52,7 +56,8 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
     points : Array
         For `curves.through`.
     deviation : float
-        Largest distance of the curve from vertices and sides of the polygon, mm.
+        Largest distance of the curve from vertices and sides of the polygon, mm; of sides, without
+        what an arc of `_ARC` over them explains.
     place : Array
         Where.
 
@@ -69,19 +74,32 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1)))
     share = along[:-1] / along[-1]
     number = int(np.clip(along[-1] / KNOT_STEP, 16, min(MOST_KNOTS, len(points))))
-    sides = _on_sides(closed, along)
+    sides, arcs = _on_sides(closed, along)
     for _ in range(_ROUNDS):
         fit = _Fit(points, share, number)
         best = fit.best()
         share = _nearest(fit.spline(best), points)
+    found, place = _even(fit.spline(best), along[-1]), 0
+    if _off(found, sides, arcs).max() > tolerance:
+        # What is noise on the whole may be shape at one place.
+        for weight in _WEIGHTS[_WEIGHTS < best][::-1]:
+            if _off(_even(fit.spline(weight), along[-1]), sides, arcs).max() <= tolerance:
+                best = weight
+                break
     for weight in _WEIGHTS[_WEIGHTS >= best]:
         found = _even(fit.spline(weight), along[-1])
-        curve = curves.through(found)
-        distance = cKDTree(curve.evaluate(curve.sample(0.05))).query(sides)[0]
-        worst = int(np.argmax(distance))
-        if distance[worst] > tolerance or _is_smooth(curve):
+        distance = _off(found, sides, arcs)
+        place = int(np.argmax(distance))
+        if distance[place] > tolerance or _is_smooth(curves.through(found)):
             break
-    return found, float(distance[worst]), sides[worst]
+    return found, float(distance[place]), sides[place]
+
+
+def _off(points: Array, sides: Array, arcs: Array) -> Array:
+    """Return the distances of points of a polygon from a curve, without what an arc explains."""
+    curve = curves.through(points)
+    off = cKDTree(curve.evaluate(curve.sample(0.05))).query(sides)[0]
+    return np.maximum(off - arcs, 0.0)
 
 
 class _Fit:
@@ -130,12 +148,13 @@ class _Fit:
         return BSpline(knots, np.concatenate([coefficients, coefficients[:3]]), 3)
 
 
-def _on_sides(closed: Array, along: Array) -> Array:
-    """Return vertices of a polygon and points between them."""
-    even = np.arange(0.0, along[-1], _COMPARED)
-    return np.column_stack(
-        [np.interp(np.union1d(along[:-1], even), along, closed[:, i]) for i in (0, 1)]
-    )
+def _on_sides(closed: Array, along: Array) -> tuple[Array, Array]:
+    """Return vertices of a polygon and points between them, and by how much an arc leaves these."""
+    even = np.union1d(along[:-1], np.arange(0.0, along[-1], _COMPARED))
+    side = np.clip(np.searchsorted(along, even, side="right") - 1, 0, len(along) - 2)
+    before, after = even - along[side], along[side + 1] - even
+    points = np.column_stack([np.interp(even, along, closed[:, i]) for i in (0, 1)])
+    return points, np.where(before + after <= _CHORD, before * after / (2 * _ARC), 0.0)
 
 
 def _nearest(spline: BSpline, points: Array) -> Array:
