@@ -32,7 +32,9 @@ _CAUTION = 1.4
 _ROUNDS = 3
 
 
-def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
+def fair(
+    points: Array, tolerance: float, noise: float = 0.0, radius: float = SMALLEST_RADIUS
+) -> tuple[Array, float, Array]:
     r"""Return points of a smooth closed curve near those given.
 
     A periodic cubic P-spline [1]_, which minimises
@@ -41,8 +43,8 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
 
     over its coefficients c. :math:`\lambda` is that of the least generalised cross-validation
     [2]_, which leaves the shape and takes the noise, or the next smaller one that keeps the
-    tolerance, or the next larger one with which the curve is
-    smooth: it does not cross itself, and its radius is nowhere less than `SMALLEST_RADIUS`.
+    tolerance, or the next larger one with which the curve is smooth:
+    it does not cross itself, and its radius is nowhere less than `radius`.
 
     Parameters
     ----------
@@ -50,6 +52,11 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
         A closed polygon, mm, counter-clockwise, at least `FEWEST`.
     tolerance
         Beyond this distance, mm, of the curve from the polygon it is not looked further.
+    noise
+        Root mean square, mm, of the points' distances from the curve where it is known, as for the
+        steps of voxels, which depend on each other: cross-validation would follow them.
+    radius
+        Smallest radius of curvature of a curve that counts as smooth, mm.
 
     Returns
     -------
@@ -77,7 +84,7 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
     sides, arcs = _on_sides(closed, along)
     for _ in range(_ROUNDS):
         fit = _Fit(points, share, number)
-        best = fit.best()
+        best = fit.best(noise)
         share = _nearest(fit.spline(best), points)
     found, place = _even(fit.spline(best), along[-1]), 0
     if _off(found, sides, arcs).max() > tolerance:
@@ -90,7 +97,7 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
         found = _even(fit.spline(weight), along[-1])
         distance = _off(found, sides, arcs)
         place = int(np.argmax(distance))
-        if distance[place] > tolerance or _is_smooth(curves.through(found)):
+        if distance[place] > tolerance or _is_smooth(curves.through(found), radius):
             break
     return found, float(distance[place]), sides[place]
 
@@ -131,15 +138,21 @@ class _Fit:
         coefficients = self._vectors @ (filter_[:, None] * (self._vectors.T @ self._moment))
         return coefficients, float(np.sum(filter_ * (1 - _WEIGHTS[0] * self._scale)))
 
-    def best(self) -> float:
-        """Return the weight of the least generalised cross-validation."""
+    def best(self, noise: float) -> float:
+        """Return the weight of the least generalised cross-validation, or that of the noise."""
+
+        def misfit(weight: float) -> float:
+            off = self._points - self._base @ self._coefficients(weight)[0]
+            return float(np.sum(off**2))
 
         def score(weight: float) -> float:
-            coefficients, free = self._coefficients(weight)
-            misfit = np.sum((self._points - self._base @ coefficients) ** 2)
-            return float(misfit / max(len(self._points) - _CAUTION * free, 1e-9) ** 2)
+            free = self._coefficients(weight)[1]
+            return misfit(weight) / max(len(self._points) - _CAUTION * free, 1e-9) ** 2
 
-        return min(map(float, _WEIGHTS), key=score)
+        least = min(map(float, _WEIGHTS), key=score)
+        allowed = len(self._points) * noise**2
+        explained = [w for w in map(float, _WEIGHTS) if w > least and misfit(w) <= allowed]
+        return max([least, *explained])
 
     def spline(self, weight: float) -> BSpline:
         """Return the curve over shares of the way around."""
@@ -174,6 +187,6 @@ def _even(spline: BSpline, length: float) -> Array:
     )
 
 
-def _is_smooth(curve: ClosedCurve) -> bool:
+def _is_smooth(curve: ClosedCurve, radius: float) -> bool:
     sharpest = np.abs(curve.curvature(curve.sample(0.25))).max()
-    return bool(sharpest <= 1 / SMALLEST_RADIUS) and curves.crossing_of(curve) is None
+    return bool(sharpest <= 1 / radius) and curves.crossing_of(curve) is None

@@ -93,6 +93,33 @@ class Phantom:
             points @ self.turn.T / self.scale, np.concatenate(triangles)
         )
 
+    def labels(
+        self, voxel: tuple[float, float, float], *parts: str, margin: float = 8.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Label map, the first part 1 and those in it 2, 3, ..., and its affine (3, 4).
+
+        The limb lies straight in the affine's space, and the map's axes are turned.
+        """
+        size = np.array(voxel)
+        corners = np.array([[x, y, z] for x in (-65, 75) for y in (-65, 75) for z in (0, HEIGHT)])
+        there = corners @ self.turn
+        low = there.min(axis=0) - margin
+        shape = np.ceil((np.ptp(there, axis=0) + 2 * margin) / size).astype(int)
+        affine = np.column_stack([self.turn * size, self.turn @ low])
+        places = np.indices(shape).reshape(3, -1).T @ affine[:, :3].T + affine[:, 3]
+        found = np.zeros(len(places), dtype=np.uint8)
+        thin = size.min() / 4
+        layer = np.floor(places[:, 2] / thin).astype(int)
+        order = np.argsort(layer, kind="stable")
+        starts = np.flatnonzero(np.diff(layer[order], prepend=layer[order[0]] - 1))
+        for chosen in np.split(order, starts[1:]):
+            share = (layer[chosen[0]] + 0.5) * thin / HEIGHT
+            if 0 < share < 1:
+                for number, part in enumerate(parts, start=1):
+                    inside = shapely.contains_xy(self.section(part, share), *places[chosen, :2].T)
+                    found[chosen[inside]] = number
+        return found.reshape(shape), affine
+
     def write(self, folder: Path, *parts: str, name: str = "{}.stl") -> list[Path]:
         """Write a file for each part."""
         paths = []

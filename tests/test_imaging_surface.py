@@ -102,8 +102,7 @@ def test_the_same_limb_however_it_lies(
 def test_fat_and_cavity_are_used_where_they_are_known(tmp_path: Path) -> None:
     phantom = Phantom()
     path = phantom.write_one(tmp_path / "limb.vtp", *PARTS, "muscle", "cavity")
-    # The cavity's corner has a radius of 1.3 mm, which is rounded to 2 mm.
-    limb = cs.Limb.from_surface(path, tolerance=0.3)
+    limb = cs.Limb.from_surface(path)
     assert set(limb.tissues) == {"skin", "subcutaneous_fat", "muscle", "tibia", "fibula"}
     true = {part: phantom.section(part, 0.5).area for part in (*PARTS, "muscle", "cavity")}
     assert limb.areas["tibia"] == pytest.approx(true["tibia"] - true["cavity"], rel=0.01)

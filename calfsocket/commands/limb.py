@@ -38,7 +38,8 @@ if TYPE_CHECKING:
         "--tolerance",
         type=float,
         metavar="MM",
-        help="largest distance of the curves from the data (default: 0.2 mm)",
+        help="largest distance of the curves from the data (default: 0.2 mm; of a label map half"
+        " a voxel)",
     ),
     option(
         "--skin-thickness", type=float, default=1.6, metavar="MM", help="default: %(default)s mm"
@@ -65,29 +66,38 @@ if TYPE_CHECKING:
                 ("fibula", "fibula"),
             )
         ),
+        option(
+            "--labels",
+            type=Path,
+            metavar="FILE.csv",
+            help="what the labels of a label map are: a line such as 3,tibia for each",
+        ),
+        option("--voxel", metavar="X,Y,Z", help="size of a voxel of a stack of pictures, mm"),
     ),
     description="""\
-Make a limb from surfaces of its skin and bones: a section square to the tibia's axis, with smooth
-curves within a tolerance of the data. Write it as JSON, for `limb = "..."` in a study file, with a
-picture of the section over the source.
+Make a limb from surfaces of its skin and bones, or from a label map: a section square to the
+tibia's axis, with smooth curves within a tolerance of the data. Write it as JSON, for `limb = ...`
+in a study file, with a picture of the section over the source.
 
 SOURCE is STL, PLY, OBJ, VTP or AOP, in mm: a file for each tissue (skin.stl, tibia.stl, ...), or
 one with several closed shells, of which skin and bones are told by nesting and size. Level 0 is the
-distal end. Side and directions follow from tibia and fibula where the source has both.
+distal end. Or it is a label map: NIfTI, NRRD, MetaImage, a TIFF of several pages, or a folder of
+PNG or TIFF slices. Side and directions follow from tibia and fibula where the source has both.
 """,
     epilog="""\
 examples:
   python3 -m calfsocket limb leg.stl --level 0.4 --out my-limb.json
   python3 -m calfsocket limb skin.ply tibia.ply fibula.ply --level '120 mm' --side left
+  python3 -m calfsocket limb segmentation.nii.gz --labels labels.csv --level 0.5
 """,
 )
 @first_rank
 def limb(arguments: Namespace) -> None:
     """Make a limb from a scan of its surface and bones."""
     from calfsocket.imaging.anatomy import Said, find_anatomy
-    from calfsocket.imaging.limb import imported, plane_of
+    from calfsocket.imaging.limb import imported, plane_of, read_source, voxel_of
     from calfsocket.imaging.plane import Level
-    from calfsocket.imaging.source import ROLES, read_surface
+    from calfsocket.imaging.source import ROLES
     from calfsocket.plotting.source import draw_source
 
     out = arguments.out
@@ -96,7 +106,8 @@ def limb(arguments: Namespace) -> None:
     plane = plane_of(arguments.plane) if arguments.plane else None
     level = None if plane else Level.parse(arguments.level)
     said = {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
-    source = read_surface(arguments.source, arguments.units, said)
+    voxel = voxel_of(arguments.voxel) if arguments.voxel else None
+    source = read_source(arguments.source, arguments.units, said, arguments.labels, voxel)
     anatomy = find_anatomy(source, Said(arguments.side, arguments.proximal, arguments.anterior))
     made = imported(source, anatomy, level, plane, arguments.tolerance, arguments.skin_thickness)
     made.limb.write(out)

@@ -1,24 +1,24 @@
 """A limb from a source, in one step."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 
 import calfsocket
 from calfsocket.imaging.anatomy import Anatomy, Said, Side, find_anatomy
+from calfsocket.imaging.labels import read_labels
 from calfsocket.imaging.lumped import SKIN_THICKNESS, lumped
 from calfsocket.imaging.plane import Level
 from calfsocket.imaging.section import Section, section
 from calfsocket.imaging.source import Source, read_surface
+from calfsocket.imaging.volume import is_volume
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import limb as meshes
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.limb import Provenance
-
-Tissues = Literal["lumped"]
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,74 @@ class Limb(meshes.Limb):
         return cls._of(imported(source, anatomy, at, plane, tolerance, skin_thickness).limb)
 
     @classmethod
+    def from_labels(
+        cls,
+        path: Path | str,
+        labels: Path | str,
+        *,
+        level: float | str = 0.5,
+        plane: tuple[Sequence[float], Sequence[float]] | None = None,
+        voxel: tuple[float, float, float] | None = None,
+        tolerance: float | None = None,
+        side: Side | None = None,
+        proximal: str | None = None,
+        anterior: str | None = None,
+        skin_thickness: float = SKIN_THICKNESS,
+    ) -> Self:
+        """Make a limb from a label map, of lumped tissues.
+
+        Parameters
+        ----------
+        path
+            NIfTI, NRRD, MetaImage, a TIFF with several pages, or a folder of PNG or TIFF slices, in
+            any orientation.
+        labels
+            CSV that says what the labels are: ``label,region`` a line, such as ``3,tibia``, and the
+            tissue behind it where the region's name does not say it.
+        voxel
+            Size of a voxel in mm, for pictures.
+        tolerance
+            Largest distance of the curves from the data, mm (default: half a voxel).
+        level, plane, side, proximal, anterior, skin_thickness
+            As of `from_surface`.
+
+        Raises
+        ------
+        InputError
+            One line: file, level, place, and what to do.
+        """
+        source = read_labels(path, labels, voxel)
+        anatomy = find_anatomy(source, Said(side, proximal, anterior))
+        at = None if plane else Level.parse(level)
+        return cls._of(imported(source, anatomy, at, plane, tolerance, skin_thickness).limb)
+
+    @classmethod
     def _of(cls, limb: meshes.Limb) -> Self:
         return cls.model_construct(**dict(limb))
+
+
+def read_source(
+    paths: Sequence[Path],
+    units: str = "mm",
+    said: Mapping[str, str] | None = None,
+    labels: Path | None = None,
+    voxel: tuple[float, float, float] | None = None,
+) -> Source:
+    """Read surfaces, or a label map.
+
+    The parameters are those of `read_surface` and `read_labels`.
+    """
+    maps = [path for path in paths if is_volume(path)]
+    if not maps:
+        for option, value in (("--labels", labels), ("--voxel", voxel)):
+            if value:
+                raise InputError(f"{option}: belongs to a label map, and {paths[0]} is none")
+        return read_surface(paths, units, said)
+    if len(paths) > 1:
+        raise InputError(f"{maps[0]}: is a label map; give it alone")
+    for option in [f"--{role}" for role in said or {}] + ["--units"] * (units != "mm"):
+        raise InputError(f"{option}: belongs to surfaces, and {maps[0]} is a label map")
+    return read_labels(maps[0], labels, voxel)
 
 
 def imported(
@@ -159,6 +225,19 @@ def _recorded(
 
 def _triple(vector: Array) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in np.round(vector, 5) + 0.0)
+    return x, y, z
+
+
+def voxel_of(text: str) -> tuple[float, float, float]:
+    """Read the size of a voxel, three numbers, mm."""
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        x = y = z = 0.0
+    if not all(0.01 <= size <= 50 for size in (x, y, z)):
+        raise InputError(
+            f"voxel: is '{text}'; give three sizes of 0.01 to 50 mm, such as 0.5,0.5,2"
+        )
     return x, y, z
 
 

@@ -21,8 +21,6 @@ _ENVELOPE = 0.45
 #: A fibula has less than this share of the tibia's volume, runs beside it for this share of its
 #: own length, and is this many times longer than thick. A patella and a femur fail in the last.
 _FIBULA_VOLUME, _FIBULA_OVERLAP, _FIBULA_SLENDER = 0.4, 0.5, 1.5
-#: Largest distance, mm, of the curves from a surface, unless said otherwise.
-TOLERANCE = 0.2
 #: Parts that have a role of their own in a section.
 ROLES = ("skin", "muscle", "tibia", "fibula")
 _BONES = ("tibia", "fibula", "femur", "patella")
@@ -34,6 +32,8 @@ class Source:
 
     Attributes
     ----------
+    names : str
+        Of the files, for messages.
     files : mapping of str to str
         The files' names, and their hashes (SHA-256).
     skin : Shell
@@ -51,12 +51,13 @@ class Source:
         Where the front is, by the file's own axes.
     side : str, optional
         As the file states it.
-    tolerance : float
-        Largest distance of the curves from the data, mm.
+    voxel : Array, optional
+        Edges of a voxel of a label map as columns, mm.
     remarks : sequence of str
         What was found and dropped.
     """
 
+    names: str
     files: Mapping[str, str]
     skin: Shell
     bones: Mapping[str, Shell] = field(default_factory=dict)
@@ -66,13 +67,16 @@ class Source:
     superior: Array | None = None
     anterior: Array | None = None
     side: str | None = None
-    tolerance: float = TOLERANCE
+    voxel: Array | None = None
     remarks: Sequence[str] = ()
 
-    @property
-    def names(self) -> str:
-        """The files' names, for messages."""
-        return ", ".join(self.files)
+    def resolution(self, across: Array) -> float:
+        """Return the size, mm, of a voxel in directions, (n, 3), the largest; 0 of surfaces."""
+        if self.voxel is None:
+            return 0.0
+        edges = self.voxel / np.linalg.norm(self.voxel, axis=0)
+        sizes = np.linalg.norm((across @ edges) * np.linalg.norm(self.voxel, axis=0), axis=1)
+        return float(sizes.max())
 
 
 def read_surface(
@@ -116,6 +120,7 @@ def read_surface(
         if role in bones and not any(line.startswith(f"{role}:") for line in remarks):
             remarks.append(f"{role}: {bones[role]}, by its size and place")
     return Source(
+        names=", ".join(path.name for path in files),
         files={path.name: sha256(path) for path in files},
         skin=skin,
         bones=bones,
