@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -27,6 +28,8 @@ EXTENT = (30.0, 500.0)
 STEP = 0.25
 #: Largest turn from one side to the next, degrees.
 MAX_TURN = 30.0
+#: Longest loop of an outline that noise is taken to have made, mm.
+NOISE_LOOP = 5.0
 #: Points of one outline. More are no shape but a cloud, or a file of another kind.
 MAX_POINTS = 50_000
 #: Curves of a drawing that a message lists.
@@ -109,17 +112,24 @@ class Drawn:
                 f"{path}: has {number} points, more than {MAX_POINTS}; give one outline"
                 " with a point about every millimetre"
             )
+        drawn.check_crossing()
         return drawn
 
-    def crossing(self) -> str:
-        """Return where the outline crosses itself, and what to do; empty where it does not."""
+    def check_crossing(self) -> None:
+        """Raise an InputError where the outline crosses itself other than by noise."""
         crossing = self_crossing(self.points)
         if crossing is None:
-            return ""
-        return (
-            f"{self.place_near(crossing)}: the outline crosses or touches itself near"
-            f" {xy(crossing)}; list its points in order, once around"
-        )
+            return
+        following = np.roll(self.points, -1, axis=0)
+        sides = shapely.linestrings(np.stack([self.points, following], axis=1))
+        meet = np.flatnonzero(shapely.distance(sides, shapely.Point(crossing)) < SAME_POINT)
+        length = np.linalg.norm(following - self.points, axis=1)
+        between = length[meet[0] : meet[-1]].sum() if meet.size else np.inf
+        if min(between, length.sum() - between) > NOISE_LOOP:
+            raise InputError(
+                f"{self.path}, {self.place_near(crossing)}: the outline crosses or touches itself"
+                f" near {xy(crossing)}; list its points in order, once around"
+            )
 
     def corner(self) -> str:
         """Return where the outline has a corner, and what to do; empty where it has none."""

@@ -15,6 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
+from calfsocket.io.files import kind_of
 from calfsocket.io.schema import Strict, nearest, read_json
 from calfsocket.meshes import curves, tags
 from calfsocket.meshes.curves import ClosedCurve, Point, Points, Thickness, at, polar_angle
@@ -225,7 +226,13 @@ class Limb(Strict):
             When the file cannot be read, a key is wrong, or curves touch, cross or are not nested
             as the regions say.
         """
-        return read_json(Path(path), cls)
+        path = Path(path)
+        if kind := kind_of(path):
+            raise InputError(
+                f"{path}: is {kind}; a limb is a JSON file of closed curves in mm and the regions"
+                " between them: see docs/formats/geometry.md"
+            )
+        return read_json(path, cls)
 
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
