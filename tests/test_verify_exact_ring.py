@@ -92,10 +92,9 @@ def test_finite_elements_are_exact(solved, material):
     assert [case.negative_modes for case in cases] == modes
     for case in cases:
         assert case.pressure_scatter < 2e-4
-        assert case.rings.keys() == {ring.name for ring in LIMB} | {"socket"}
-        for name, ring in case.rings.items():
-            assert ring.rms_stress < 2e-3, name
-            assert ring.rms_stretch < 1e-4, name
+        assert set(case.rings.index) == {ring.name for ring in LIMB} | {"socket"}
+        assert case.rings.rms_stress.max() < 2e-3
+        assert case.rings.rms_stretch.max() < 1e-4
 
 
 def test_fascia_is_what_buckles():

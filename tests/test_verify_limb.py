@@ -205,6 +205,6 @@ def test_a_followed_run_balances_its_energy():
     path = follow("TSB", "combined", "coarse", 0.25)
     assert abs(path.energy.error) < 1e-4
     assert path.energy.socket[-1] > 0.01 * path.energy.work[-1]
-    assert path.probe.order == pytest.approx(2.0, abs=0.05)
+    assert path.newton_order == pytest.approx(2.0, abs=0.05)
     assert path.end.checks.negative_modes == 0
     assert len(path.solves) == len(path.steps)

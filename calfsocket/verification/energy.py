@@ -1,38 +1,14 @@
-r"""Energy balance of a shrink fit: its work against stored energy and friction.
+"""Energy balance of a shrink fit: its work against stored energy and friction.
 
-Along a path of equilibria w(l) of the load l, the stored energy Pi (`forms.mixed.potential`, limb
-and socket) changes by its own residual in the direction of w', which the contact residual balances.
-Constrained boundaries do not move, and so
-
-    Pi' = int_skin t . (x' - y'|xi) dS,     t = p n + q e,
-
-x the skin and y the point of the socket that it is projected on, both as material points, per
-undeformed skin. Now x - y = g n, and n.n' = 0, n.y,xi = 0: with the turn theta' of the normal
-(n' = -e theta') and the slip velocity s' = |y,xi| xi',
-
-    (x' - y'|xi) . n = g',     (x' - y'|xi) . e = s' - g theta'.
-
-The shrink fit reduces the gap to r = g - (1 - l) g0 with g0 = min(g(0), 0), so that g' = r' - g0:
-
-    - int int p g0 dS dl  =  Pi(1) - Pi(0)  +  int int -q s' dS dl
-        work of the fit        stored            friction
-                               + int int q g theta' dS dl  -  int int p r' dS dl.
-                                 lever                        penetration
-
-Nothing is left out: the method is consistent, T = t at a solution, and theta = 0 adds no term. The
-lever is work that two tractions of opposite sign do when the overlap g parts them and the normal
-turns; it belongs to the path of the fit, as does the overlap, and is gone at its end. The
-penetration p r' vanishes with the element size: r is zero at a contact that is resolved.
-
-All integrals over l are trapezoids over the load steps, friction and lever together from the motion
-of x against the same material point of the socket, which is what the residual works on.
+Its derivation is in pages/limb.md. All integrals over the load are trapezoids over the load steps,
+friction and lever together from the motion of the skin against the same material point of the
+socket, which is what the residual works on.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem, mesh
-from numpy.typing import NDArray
 
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.projection import shape_functions
@@ -41,9 +17,7 @@ from calfsocket.mechanics.kernels.library import JIT_OPTIONS
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes import tags
-from calfsocket.verification.sampling import Slid
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.sampling import FloatArray, Slid
 
 
 @dataclass(frozen=True)
@@ -56,30 +30,27 @@ class EnergyBalance:
     limb: FloatArray
     socket: FloatArray
     friction: FloatArray  #: (n,) dissipated by slip of the socket's undeformed arc length
-    lever: FloatArray  #: (n,) rest of the work of friction tractions, see above
+    lever: FloatArray  #: (n,) rest of the work of friction tractions
     #: (n,) work of contact pressure on the reduced gap, > 0 where it takes energy
     penetration: FloatArray
+
+    def share(self, *parts: str) -> float:
+        """Share of the work that went into these parts, at the end."""
+        return float(sum(getattr(self, part)[-1] for part in parts) / self.work[-1])
 
     @property
     def error(self) -> float:
         """Work less stored energy and friction, at the end, relative to the work."""
-        stored = self.limb[-1] + self.socket[-1]
-        return float(1.0 - (stored + self.friction[-1]) / self.work[-1])
+        return 1.0 - self.share("limb", "socket", "friction")
 
     @property
     def full_error(self) -> float:
         """The same with lever and penetration: what the trapezoids leave."""
-        return self.error - float((self.lever[-1] + self.penetration[-1]) / self.work[-1])
+        return self.error - self.share("lever", "penetration")
 
 
 class EnergyMeter:
-    """Follows a problem along its load steps, on one rank.
-
-    Parameters
-    ----------
-    problem : Problem
-        At load 0, undeformed.
-    """
+    """Follows a problem, undeformed at load 0, along its load steps, on one rank."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem

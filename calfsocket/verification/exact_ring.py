@@ -1,28 +1,10 @@
-r"""The concentric limb in a smaller socket against its exact solution.
-
-Rings of all six tissues lie around a fixed circle as in a calf, bone innermost and skin outermost.
-A PETG ring, smaller than the skin by the overclosure, presses on them. The exact solution solves
-ordinary differential equations (`radial`) and is made without UFL; the finite elements are the
-program's own `Problem` and `LoadStepper`.
-
-The axisymmetric equilibrium may be unstable. Fascia (megapascals) compressed along its
-circumference between muscle and fat (kilopascals) buckles in waves. On a perfect ring Newton's
-method converges to the unstable equilibrium all the same, which is what a measurement of the error
-needs. The number of unstable modes is known as well, from the second variation of the potential,
-wave number by wave number (`ring_stability`), and the program must count the same. In the Combined
-set nothing buckles, because fascia is as soft as muscle there.
-
-Below 1 mm the error falls with the first instead of the fourth power of the element size: 4 Gauss
-points on an edge do not resolve the kinks of the socket's shape functions inside it. With 16 points
-the error falls from 6e-7 to 6e-8 in a ring of muscle and skin at 0.5 mm; on a limb neither can be
-measured.
-"""
+"""The concentric limb in a smaller socket against its exact solution."""
 
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from calfsocket.materials.material_set import BaseSet, MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
@@ -40,9 +22,7 @@ from calfsocket.verification.radial import (
 )
 from calfsocket.verification.report import LOG, Check, Curve, Section, curves
 from calfsocket.verification.ring_stability import onset, unstable_waves
-from calfsocket.verification.sampling import skin_mean, worst
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.sampling import FloatArray, skin_mean, worst
 
 OVERCLOSURE = 0.92
 """mm; 5.3 % of the limb's area, as much as the tightest socket of the study takes off. No quarter
@@ -51,18 +31,7 @@ of it is within 5 % of an overclosure at which another wave becomes unstable."""
 MATERIALS: tuple[BaseSet, ...] = ("separate", "combined")
 STEPS = 4
 WAVES = range(41)
-
-
-@dataclass(frozen=True)
-class RingErrors:
-    """One ring of a solved section against the exact solution at the elements' Gauss points."""
-
-    #: (2,) difference of the mean Cauchy stress, radial and hoop, over the ring's largest exact one
-    mean_stress: FloatArray
-    mean_stretch: FloatArray  #: (2,) difference of the mean stretch, radial and hoop
-    #: root mean square of the difference of all components at all points, on the same scale
-    rms_stress: float
-    rms_stretch: float
+RADIAL = "radial solution by collocation"
 
 
 @dataclass(frozen=True)
@@ -76,31 +45,33 @@ class RingCase:
     pressure_error: float
     radius_error: float
     pressure_scatter: float  #: standard deviation of the contact pressure over its mean
-    #: errors by ring, the socket among them; empty where not asked for
-    rings: dict[str, RingErrors]
+    #: errors of Cauchy stress and stretch at the elements' Gauss points by ring, see `ring_errors`;
+    #: None where not asked for
+    rings: pd.DataFrame | None
     exact: ExactRing  #: what it is compared with
     negative_modes: int | None  #: of the equilibrium; None where not counted
 
-    @property
-    def exact_modes(self) -> int:
-        """Unstable modes of the exact solution."""
-        return sum(unstable_waves(self.exact.solution, WAVES).values())
-
     def checks(self) -> list[Check]:
         """Check everything, at 1 mm elements."""
-        name, by_waves = self.name, "second variation, wave by wave"
-        stress, stretch = (
-            worst([getattr(ring, f"mean_{what}") for ring in self.rings.values()])
-            for what in ("stress", "stretch")
-        )
+        assert self.rings is not None
+        stress, stretch = self.rings[["mean_stress", "mean_stretch"]].max()
+        errors = {
+            "contact pressure": (self.pressure_error, 1e-6),
+            "skin radius": (self.radius_error, 1e-6),
+            "mean stress of a tissue": (stress, 1e-5),
+            "mean stretch of a tissue": (stretch, 1e-6),
+        }
+        exact, source = unstable_modes(self.exact), "second variation, wave by wave"
         modes = self.negative_modes or 0
         return [
-            Check(f"{name}: contact pressure", self.pressure_error, 1e-6, RADIAL),
-            Check(f"{name}: skin radius", self.radius_error, 1e-6, RADIAL),
-            Check(f"{name}: mean stress of a tissue", stress, 1e-5, RADIAL),
-            Check(f"{name}: mean stretch of a tissue", stretch, 1e-6, RADIAL),
-            Check(f"{name}: unstable modes", modes, self.exact_modes, by_waves, rule="exactly"),
+            *(Check(f"{self.name}: {of}", *error, RADIAL) for of, error in errors.items()),
+            Check(f"{self.name}: unstable modes", modes, exact, source, rule="exactly"),
         ]
+
+
+def unstable_modes(exact: ExactRing) -> int:
+    """Count the unstable modes of the exact solution."""
+    return sum(unstable_waves(exact.solution, WAVES).values())
 
 
 def solve_ring(
@@ -113,16 +84,7 @@ def solve_ring(
 ) -> list[RingCase]:
     """Solve the section in equal load steps and compare each of them.
 
-    Parameters
-    ----------
-    material : str
-        Material set.
-    overclosure, h : float
-        Overclosure and element size, mm.
-    steps : int
-        Load steps.
-    fields, count_modes : bool
-        Whether stress and stretch are compared, and negative modes counted.
+    Overclosure and element size h are in mm; stress and stretch are compared if `fields`.
     """
     laws = MaterialSet.paper(material).tissue_laws()
     inner = LIMB[-1].outer - overclosure
@@ -147,7 +109,7 @@ def solve_ring(
                 pressure_error=mean / exact.pressure - 1.0,
                 radius_error=(radius - exact.skin_radius) / (LIMB[-1].outer - exact.skin_radius),
                 pressure_scatter=float(pressure.std()) / mean,
-                rings=_ring_errors(problem, tissues, exact) if fields else {},
+                rings=ring_errors(problem, tissues, exact) if fields else None,
                 exact=exact,
                 negative_modes=stepper.newton.negative_modes() if count_modes else None,
             )
@@ -158,14 +120,18 @@ def solve_ring(
     return cases
 
 
-def _ring_errors(
-    problem: Problem, tissues: dict[str, str], exact: ExactRing
-) -> dict[str, RingErrors]:
-    """Compare stress and stretch at the elements' Gauss points."""
+def ring_errors(problem: Problem, tissues: dict[str, str], exact: ExactRing) -> pd.DataFrame:
+    """Compare stress and stretch with the exact ones at the elements' Gauss points, ring by ring.
+
+    A row a ring, the socket among them: the larger difference of the mean, radial or hoop, and the
+    root mean square of the difference of both components at all points; stresses over the ring's
+    largest exact one.
+    """
     fields = section_fields(problem, tissues)
     assert fields is not None  # one rank
-    shapes = _triangle_shapes(fields.gauss_points)
-    position = np.einsum("qa,cad->cqd", shapes, fields.points[fields.cells])
+    position = np.einsum(
+        "qa,cad->cqd", _triangle_shapes(fields.gauss_points), fields.points[fields.cells]
+    )
     radius = np.linalg.norm(position, axis=2)
     # Points of an axisymmetric solution move along their own radius.
     along = position / radius[:, :, None]
@@ -178,20 +144,19 @@ def _ring_errors(
     s11, s22, _, s12 = np.moveaxis(fields.stress / KILOPASCAL, 2, 0)
     stress = polar(np.moveaxis(np.array([[s11, s12], [s12, s22]]), (0, 1), (2, 3)))
     stretch = polar(fields.deformation_gradient)
-    errors = {}
+    rows = {}
     for tag, name in fields.region_names.items():
         cells = fields.region == tag
         at = exact.solution.profile(name, radius[cells].ravel())
         scale = np.abs(at.stress[:2]).max()
-        stress_error = (stress[:, cells].reshape(2, -1) - at.stress[:2]) / scale
-        stretch_error = stretch[:, cells].reshape(2, -1) - at.stretch
-        errors[name] = RingErrors(
-            stress_error.mean(axis=1),
-            stretch_error.mean(axis=1),
-            float(np.sqrt(np.mean(stress_error**2))),
-            float(np.sqrt(np.mean(stretch_error**2))),
-        )
-    return errors
+        errors = {
+            "stress": (stress[:, cells].reshape(2, -1) - at.stress[:2]) / scale,
+            "stretch": stretch[:, cells].reshape(2, -1) - at.stretch,
+        }
+        rows[name] = {f"mean_{of}": worst(error.mean(axis=1)) for of, error in errors.items()} | {
+            f"rms_{of}": np.sqrt(np.mean(error**2)) for of, error in errors.items()
+        }
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def _triangle_shapes(at: FloatArray) -> FloatArray:
@@ -206,63 +171,44 @@ def _triangle_shapes(at: FloatArray) -> FloatArray:
 # -- report ---------------------------------------------------------------------------------------
 
 SIZES = (4.0, 2.0, 1.0)
-RADIAL = "radial solution by collocation"
 
 
 def report() -> Section:
     """Contact pressure, skin radius, stress, stretch and unstable modes, step by step."""
-    cases = {
-        (material, h): solve_ring(material, OVERCLOSURE, h, steps=STEPS, count_modes=True)
-        for material in MATERIALS
-        for h in SIZES
-    }
-    checks = []
-    for material in MATERIALS:
+    checks: list[Check] = []
+    convergence: list[Curve] = []
+    finest = {}
+    for material, style in zip(MATERIALS, ("o-", "s--"), strict=True):
         laws = MaterialSet.paper(material).tissue_laws()
         exact = exact_ring(laws, OVERCLOSURE)
         nodes = exact_ring(laws, OVERCLOSURE, nodes=28).pressure / exact.pressure - 1.0
-        work, itself = work_error(laws, OVERCLOSURE), "the radial solution itself"
+        by_size = [solve_ring(material, OVERCLOSURE, h, STEPS, count_modes=True) for h in SIZES]
+        errors = [abs(cases[-1].pressure_error) for cases in by_size]
+        convergence.append((SIZES, errors, style, material))
+        finest[material] = by_size[-1]
+        work = work_error(laws, OVERCLOSURE)
         checks += [
             Check(f"{material}: work - energy", work, 1e-12, "conservation"),
-            Check(f"{material}: twice the nodes", nodes, 1e-12, itself),
+            Check(f"{material}: twice the nodes", nodes, 1e-12, "the radial solution itself"),
+            *(check for case in finest[material] for check in case.checks()),
         ]
-        checks += [check for case in cases[material, SIZES[-1]] for check in case.checks()]
     gap, wave = onset(MaterialSet.paper("separate").tissue_laws(), OVERCLOSURE, WAVES)
-    last = {key: steps[-1] for key, steps in cases.items()}
-    convergence: list[Curve] = [
-        (SIZES, [abs(last[material, h].pressure_error) for h in SIZES], style, material)
-        for material, style in zip(MATERIALS, ("o-", "s--"), strict=True)
-    ]
-    text = (
-        f"{__doc__}\nHere the Separate set becomes unstable at an overclosure of {gap:.2f} mm, in "
-        f"{wave} waves around the limb."
-    )
     return Section(
-        "The concentric limb",
-        text,
         checks,
-        [
-            curves(
-                "ring_convergence",
-                "Contact pressure against the exact one.",
-                ("element side, mm", "relative error of contact pressure"),
-                convergence,
-                **LOG,
+        {
+            "ring_convergence": curves(
+                ("element side, mm", "relative error of contact pressure"), convergence, **LOG
             ),
-            curves(
-                "ring_stress",
-                "The exact solution at full overclosure.",
+            "ring_stress": curves(
                 ("radius, mm", "Cauchy stress, kPa"),
-                _stress_lines({name: last[name, SIZES[-1]].exact for name in MATERIALS}),
+                _stress_lines({name: cases[-1].exact for name, cases in finest.items()}),
                 yscale="symlog",
             ),
-            curves(
-                "ring_modes",
-                "Unstable modes: exact (line), finite elements (points).",
-                ("overclosure, mm", "unstable modes, Separate set"),
-                _mode_lines(cases["separate", SIZES[-1]]),
+            "ring_modes": curves(
+                ("overclosure, mm", "unstable modes, Separate set"), _mode_lines(finest["separate"])
             ),
-        ],
+        },
+        values={"onset": gap, "wave": wave},
     )
 
 
@@ -271,7 +217,7 @@ def _stress_lines(exact: dict[BaseSet, ExactRing]) -> list[Curve]:
     for (material, ring_state), style in zip(exact.items(), ("-", "--"), strict=True):
         for k, ring in enumerate(LIMB):
             radius = np.linspace(ring.inner, ring.outer, 30)
-            at = ring_state.solution.profile(ring.name, radius.astype(float))
+            at = ring_state.solution.profile(ring.name, radius)
             for row, (component, colour) in enumerate((("radial", "C0"), ("hoop", "C3"))):
                 label = f"{material}, {component}" if k == 0 else None
                 lines.append((at.radius, KILOPASCAL * at.stress[row], style + colour, label))
@@ -282,12 +228,9 @@ def _mode_lines(found: list[RingCase]) -> list[Curve]:
     laws = MaterialSet.paper("separate").tissue_laws()
     share = np.linspace(0.05, 1.0, 20)
     ends = np.append(share - 0.025, 1.025)
-    counts = [
-        sum(unstable_waves(exact_ring(laws, OVERCLOSURE, s).solution, WAVES).values())
-        for s in share
-    ]
-    counted = [case.negative_modes or 0 for case in found]
+    counts = [unstable_modes(exact_ring(laws, OVERCLOSURE, s)) for s in share]
     loads = np.array([case.load for case in found])
+    counted = [case.negative_modes or 0 for case in found]
     return [
         (OVERCLOSURE * np.repeat(ends, 2)[1:-1], np.repeat(counts, 2), "-", "second variation"),
         (OVERCLOSURE * loads, counted, "ko", "finite elements"),

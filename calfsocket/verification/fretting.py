@@ -1,26 +1,4 @@
-r"""A body pressed on a flat and pushed to and fro: the fretting loop of Mindlin and Deresiewicz.
-
-A disc lies on a flat of its own material (`hertz`), is pressed by P, and its core is pushed
-sideways. As long as Q < mu P the contact slips only at its edges, and each change of direction
-starts from stick again. After Q rose to Q1 and came back to Q, with R(c) = sqrt(1 - x^2/c^2)
-inside |x| < c and 0 outside,
-
-    q(x) = mu p0 (2 c'/a R(c') - c1/a R(c1) - R(a)),
-    c1/a = sqrt(1 - Q1/(mu P)),    c'/a = sqrt(1 - (Q1 - Q)/(2 mu P)),
-
-so that shear remains at Q = 0. By Jaeger's theorem the tangential displacement is mu times a change
-of the normal approach, whose nonlinear part is f(P) = -P ln(P) / (pi E') in the plane:
-
-    d(Q) = C Q + g(Q),    g(Q) = mu (f(P) - f(P - Q/mu)),
-
-and the other branches are this one doubled (Masing). C depends on the bodies' shape, but a loop
-between -Q1 and Q1 encloses, for every C, the work of friction
-
-    W = 4 Q1 g(Q1) - 8 int_0^Q1 g dQ.
-
-Pushed farther, the disc slides at |Q| = mu P, both ways. Bodies that are not half-planes tilt
-slightly under shear, and the directions of P and Q with them, which limits the agreement to 1e-3
-here.
+"""A body pressed on a flat and pushed to and fro: the fretting loop.
 
 Mindlin and Deresiewicz 1953, doi:10.1115/1.4010702; Jaeger 1998, doi:10.1115/1.2833765; Johnson,
 Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, section 7.4.
@@ -31,15 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 from scipy.special import xlogy
 
 from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.hertz import PARTIAL_SLIP, SHARE, Line, Pressed, read, root_mean
 from calfsocket.verification.report import Check, Curve, Section, curves
-from calfsocket.verification.sampling import Slid, worst
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.sampling import FloatArray, Slid, worst
 
 MINDLIN = "Mindlin, Deresiewicz 1953"
 LINE = replace(PARTIAL_SLIP, divisions=6.0)
@@ -68,17 +43,10 @@ class Push:
 
 
 def push(line: Line, turns: list[float], step: float) -> Push:
-    """Press the disc, then push its core to each of these places in turn.
+    """Press a disc with friction on its own material, then push its core to and fro.
 
-    Parameters
-    ----------
-    line : Line
-        With friction, and equal materials.
-    turns : list of float
-        Where the core changes its direction, in units of mu times the approach, at which about the
-        whole contact begins to slip.
-    step : float
-        Largest step, in the same units.
+    It changes its direction at `turns`; they and the largest `step` are in units of mu times the
+    approach, at which about the whole contact begins to slip.
     """
     motion = line.pressed(MPI.COMM_SELF)
     unit = line.friction * line.approach()
@@ -99,7 +67,7 @@ def push(line: Line, turns: list[float], step: float) -> Push:
 
 
 def give(line: Line, force: float, tangential: FloatArray) -> FloatArray:
-    """Return g(Q) in mm under the force P, both forces in N/mm."""
+    """Return g(Q) = mu (f(P) - f(P - Q/mu)) in mm, f(P) = -P ln(P)/(pi E'), forces in N/mm."""
 
     def f(p: FloatArray) -> FloatArray:
         p = np.maximum(p, 0.0)  # rounding where all of the contact slips
@@ -110,7 +78,7 @@ def give(line: Line, force: float, tangential: FloatArray) -> FloatArray:
 
 
 def loop_work(line: Line, force: float, largest: float) -> float:
-    """W of a loop between -`largest` and `largest` under `force`, all in N/mm."""
+    """W = 4 Q1 g(Q1) - 8 int_0^Q1 g dQ of a loop between -Q1 and Q1 = `largest`, N/mm."""
     at, weight = np.polynomial.legendre.leggauss(40)
     area = 0.5 * largest * float(weight @ give(line, force, 0.5 * largest * (1.0 + at)))
     return 4.0 * largest * float(give(line, force, np.array(largest))) - 8.0 * area
@@ -227,26 +195,17 @@ def report() -> Section:
     partial, slid = partial_loop(PARTIAL_SLIP, steps=3), sliding(LINE)
     least = min(partial.push.least_work, slid.least_work)
     return Section(
-        title="Friction: a body pushed to and fro",
-        text=__doc__ or "",
-        checks=[
+        [
             *partial.checks(),
             Check("sliding: Q over mu P, less 1", sliding_error(slid), 2e-3, "Coulomb"),
             Check("work of friction, negative part", least, 1e-2, "second law"),
         ],
-        figures=[
-            curves(
-                "fretting_loop",
-                "Tangential force of two loops, and theory with C of the smaller.",
-                ("way of the core / (mu approach)", "Q / (mu P)"),
-                _loop_lines(partial, slid),
+        {
+            "fretting_loop": curves(
+                ("way of the core / (mu approach)", "Q / (mu P)"), _loop_lines(partial, slid)
             ),
-            curves(
-                "fretting_shear",
-                "Shear traction at the turn and back at Q = 0, and theory.",
-                ("x / a", "q / (mu p0)"),
-                _locked_lines(partial),
-                xlim=(-1.5, 1.5),
+            "fretting_shear": curves(
+                ("x / a", "q / (mu p0)"), _locked_lines(partial), xlim=(-1.5, 1.5)
             ),
-        ],
+        },
     )

@@ -11,23 +11,20 @@ All three run from load 0 to load 1 under the program's own `LoadStepper`.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from calfsocket.contact.interface import ContactInterface, ContactPair
+from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.parameters import Contact
-from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
 from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.sampling import FloatArray
 
 FOUNDATION = 1e-2
 """Contact stiffness at half the load in MPa/mm, above the limb's own."""
@@ -139,19 +136,12 @@ class ShrinkingContact(ContactInterface):
     swelling = 0.0
     _centre: FloatArray = np.zeros(2)
 
-    def __init__(
-        self,
-        w: fem.Function,
-        section: SectionMesh,
-        laws: Mapping[str, Law],
-        fields: LawFields,
-        pair: ContactPair,
-    ) -> None:
-        super().__init__(w, section, laws, fields, pair)
+    def __init__(self, w: Any, section: SectionMesh, *arguments: Any) -> None:
+        super().__init__(w, section, *arguments)
         cells = section.cell_tags.find(section.regions[tags.SOCKET])
         self._centre = self.chain.reference[:, 2].mean(axis=0)
         self._nodes = np.unique(section.mesh.geometry.dofmap[cells])
-        self._own_size = section.mesh.geometry.x[self._nodes, :2].copy()
+        self._unswollen = section.mesh.geometry.x[self._nodes, :2].copy()
         if self._smallest_gap(0.0) < CLEARANCE:
             self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
         self.load = 0.0
@@ -179,8 +169,8 @@ class ShrinkingContact(ContactInterface):
 
     def _set_size(self, swelling: float) -> None:
         """Move this rank's socket nodes to where they lie without stress."""
-        self._mesh.geometry.x[self._nodes, :2] = self._own_size + swelling * (
-            self._own_size - self._centre
+        self._mesh.geometry.x[self._nodes, :2] = self._unswollen + swelling * (
+            self._unswollen - self._centre
         )
 
     def _smallest_gap(self, swelling: float) -> float:
