@@ -131,7 +131,11 @@ def test_all_that_a_subject_has_must_be_shown(subjects, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("limits", "labels"),
-    [((0.8, 4.5), [1, 2]), ((1.7e-5, 6e-5), [2e-5, 5e-5]), ((5e-7, 2.0), 10.0 ** np.arange(-6, 1))],
+    [
+        ((0.8, 4.5), [1, 2, 3]),
+        ((1.7e-5, 6e-5), [2e-5, 3e-5, 5e-5]),
+        ((5e-7, 2.0), 10.0 ** np.arange(-6, 1)),
+    ],
 )
 def test_logarithmic_axes_have_few_labels(limits, labels):
     axes = Figure().subplots()

@@ -11,7 +11,6 @@ from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.problems import prescribed_supports
 from calfsocket.verification.report import LOG, Check, Curve, Section, check_each, curves
 from calfsocket.verification.sampling import FloatArray, edge_means, largest, skin_mean, worst
@@ -28,8 +27,8 @@ def pressed(comm: MPI.Comm, h: float, socket_modulus: float, contact: Contact) -
     The limb has a Young's modulus of 1 MPa, the socket `socket_modulus`.
     """
     socket = (20.0 - OVERCLOSURE, 26.0)
-    rings = ring_mesh(comm, [(LIMB, 10.0, 20.0)], socket, (h, 0.8 * h), turn=0.3)
-    laws = {LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)}
+    rings = ring_mesh(comm, [(tags.LIMB, 10.0, 20.0)], socket, (h, 0.8 * h), turn=0.3)
+    laws = {tags.LIMB: LIMB_LAW, tags.SOCKET: Hencky(e=socket_modulus, nu=0.3)}
     motion = prescribed_supports(rings, laws, contact)
     motion.solve()
     return motion
@@ -91,7 +90,7 @@ def shifted(
     contact = Contact(gamma=gamma, gamma_t=0.5 * gamma, gauss_points=points)
     motion = pressed(comm, h, 100.0, contact)
     for _ in range(STEPS):
-        motion.step([LIMB], shift=(WAY / STEPS, 0.0))
+        motion.step([tags.LIMB], shift=(WAY / STEPS, 0.0))
     skin = motion.problem.contact
     state = skin.state()
     pressure, gap, weight = state.traction.pressure, state.reduced_gap, skin.points.weight

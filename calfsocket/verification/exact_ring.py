@@ -1,7 +1,5 @@
 """The concentric limb in a smaller socket against its exact solution."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 from mpi4py import MPI
@@ -17,6 +15,7 @@ from calfsocket.verification.radial import (
     SOCKET,
     SOCKET_THICKNESS,
     ExactRing,
+    RadialSolution,
     exact_ring,
     work_error,
 )
@@ -34,39 +33,26 @@ WAVES = range(41)
 RADIAL = "radial solution by collocation"
 
 
-@dataclass(frozen=True)
-class RingCase:
-    """A solved load step against the exact solution."""
+RADIAL_BARS = {
+    "contact pressure": ("pressure", 1e-6),
+    "skin radius": ("radius", 1e-6),
+    "mean stress of a tissue": ("mean_stress", 1e-5),
+    "mean stretch of a tissue": ("mean_stretch", 1e-6),
+}
+"""What is checked of a load step: its column and its bar, at 1 mm elements."""
 
-    name: str  #: material set, and how much of the overclosure is released
-    load: float  #: its released share
-    #: relative errors of the mean contact pressure per undeformed area, and of the mean radius of
-    #: the skin over its displacement
-    pressure_error: float
-    radius_error: float
-    pressure_scatter: float  #: standard deviation of the contact pressure over its mean
-    #: errors of Cauchy stress and stretch at the elements' Gauss points by ring, see `ring_errors`;
-    #: None where not asked for
-    rings: pd.DataFrame | None
-    exact: ExactRing  #: what it is compared with
-    negative_modes: int | None  #: of the equilibrium; None where not counted
 
-    def checks(self) -> list[Check]:
-        """Check everything, at 1 mm elements."""
-        assert self.rings is not None
-        stress, stretch = self.rings[["mean_stress", "mean_stretch"]].max()
-        errors = {
-            "contact pressure": (self.pressure_error, 1e-6),
-            "skin radius": (self.radius_error, 1e-6),
-            "mean stress of a tissue": (stress, 1e-5),
-            "mean stretch of a tissue": (stretch, 1e-6),
-        }
-        exact, source = unstable_modes(self.exact), "second variation, wave by wave"
-        modes = self.negative_modes or 0
-        return [
-            *(Check(f"{self.name}: {of}", *error, RADIAL) for of, error in errors.items()),
-            Check(f"{self.name}: unstable modes", modes, exact, source, rule="exactly"),
+def step_checks(steps: pd.DataFrame) -> list[Check]:
+    """Check every load step of `solve_ring`."""
+    checks, by_waves = [], "second variation, wave by wave"
+    for name, step in steps.iterrows():
+        checks += [
+            Check(f"{name}: {what}", step[column], bar, RADIAL)
+            for what, (column, bar) in RADIAL_BARS.items()
         ]
+        label = f"{name}: unstable modes"
+        checks.append(Check(label, step.modes, step.exact_modes, by_waves, rule="exactly"))
+    return checks
 
 
 def unstable_modes(exact: ExactRing) -> int:
@@ -75,16 +61,14 @@ def unstable_modes(exact: ExactRing) -> int:
 
 
 def solve_ring(
-    material: BaseSet,
-    overclosure: float,
-    h: float,
-    steps: int = 1,
-    fields: bool = True,
-    count_modes: bool = False,
-) -> list[RingCase]:
-    """Solve the section in equal load steps and compare each of them.
+    material: BaseSet, overclosure: float, h: float, steps: int = 1, whole: bool = True
+) -> pd.DataFrame:
+    """Solve the section in equal load steps and compare each of them; overclosure and h in mm.
 
-    Overclosure and element size h are in mm; stress and stretch are compared if `fields`.
+    A row a load step, named by material and released overclosure: its load; relative errors of the
+    mean contact pressure per undeformed area and of the skin's mean radius over its displacement;
+    scatter, the standard deviation of the pressure over its mean. If `whole`, also the largest
+    `ring_errors`, the rings, and negative modes beside those of the exact solution.
     """
     laws = MaterialSet.paper(material).tissue_laws()
     inner = LIMB[-1].outer - overclosure
@@ -92,7 +76,7 @@ def solve_ring(
     section = ring_mesh(MPI.COMM_SELF, layers, (inner, inner + SOCKET_THICKNESS), h)
     tissues = {ring.name: ring.tissue for ring in LIMB} | {SOCKET: SOCKET}
     problem = limb_problem(section, {name: laws[tissue] for name, tissue in tissues.items()})
-    cases: list[RingCase] = []
+    rows: dict[str, dict[str, float]] = {}
 
     def compare(step: LoadStep) -> None:
         if not step.newton.converged:
@@ -102,22 +86,21 @@ def solve_ring(
         pressure = contact.state().traction.pressure
         mean = skin_mean(contact, pressure)
         radius = skin_mean(contact, np.hypot(*contact.deformed_points().T))
-        cases.append(
-            RingCase(
-                name=f"{material}, {1e3 * overclosure * step.load:.0f} um",
-                load=step.load,
-                pressure_error=mean / exact.pressure - 1.0,
-                radius_error=(radius - exact.skin_radius) / (LIMB[-1].outer - exact.skin_radius),
-                pressure_scatter=float(pressure.std()) / mean,
-                rings=ring_errors(problem, tissues, exact) if fields else None,
-                exact=exact,
-                negative_modes=stepper.newton.negative_modes() if count_modes else None,
-            )
-        )
+        row = {
+            "load": step.load,
+            "pressure": mean / exact.pressure - 1.0,
+            "radius": (radius - exact.skin_radius) / (LIMB[-1].outer - exact.skin_radius),
+            "scatter": float(pressure.std()) / mean,
+        }
+        if whole:
+            modes, exact_modes = stepper.newton.negative_modes(), unstable_modes(exact)
+            rings = ring_errors(problem, tissues, exact)
+            row |= {**rings.max(), "modes": modes, "exact_modes": exact_modes, "rings": len(rings)}
+        rows[f"{material}, {1e3 * overclosure * step.load:.0f} um"] = row
 
     stepper = LoadStepper(problem, [k / steps for k in range(1, steps + 1)], on_step=compare)
     stepper.run()
-    return cases
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def ring_errors(problem: Problem, tissues: dict[str, str], exact: ExactRing) -> pd.DataFrame:
@@ -144,7 +127,7 @@ def ring_errors(problem: Problem, tissues: dict[str, str], exact: ExactRing) -> 
     s11, s22, _, s12 = np.moveaxis(fields.stress / KILOPASCAL, 2, 0)
     stress = polar(np.moveaxis(np.array([[s11, s12], [s12, s22]]), (0, 1), (2, 3)))
     stretch = polar(fields.deformation_gradient)
-    rows = {}
+    rows: dict[str, dict[str, float]] = {}
     for tag, name in fields.region_names.items():
         cells = fields.region == tag
         at = exact.solution.profile(name, radius[cells].ravel())
@@ -168,8 +151,6 @@ def _triangle_shapes(at: FloatArray) -> FloatArray:
     )
 
 
-# -- report ---------------------------------------------------------------------------------------
-
 SIZES = (4.0, 2.0, 1.0)
 
 
@@ -177,20 +158,20 @@ def report() -> Section:
     """Contact pressure, skin radius, stress, stretch and unstable modes, step by step."""
     checks: list[Check] = []
     convergence: list[Curve] = []
-    finest = {}
+    solutions, finest = {}, {}
     for material, style in zip(MATERIALS, ("o-", "s--"), strict=True):
         laws = MaterialSet.paper(material).tissue_laws()
         exact = exact_ring(laws, OVERCLOSURE)
         nodes = exact_ring(laws, OVERCLOSURE, nodes=28).pressure / exact.pressure - 1.0
-        by_size = [solve_ring(material, OVERCLOSURE, h, STEPS, count_modes=True) for h in SIZES]
-        errors = [abs(cases[-1].pressure_error) for cases in by_size]
+        by_size = [solve_ring(material, OVERCLOSURE, h, STEPS) for h in SIZES]
+        errors = [abs(steps.pressure.iloc[-1]) for steps in by_size]
         convergence.append((SIZES, errors, style, material))
-        finest[material] = by_size[-1]
+        solutions[material], finest[material] = exact.solution, by_size[-1]
         work = work_error(laws, OVERCLOSURE)
         checks += [
             Check(f"{material}: work - energy", work, 1e-12, "conservation"),
             Check(f"{material}: twice the nodes", nodes, 1e-12, "the radial solution itself"),
-            *(check for case in finest[material] for check in case.checks()),
+            *step_checks(finest[material]),
         ]
     gap, wave = onset(MaterialSet.paper("separate").tissue_laws(), OVERCLOSURE, WAVES)
     return Section(
@@ -200,9 +181,7 @@ def report() -> Section:
                 ("element side, mm", "relative error of contact pressure"), convergence, **LOG
             ),
             "ring_stress": curves(
-                ("radius, mm", "Cauchy stress, kPa"),
-                _stress_lines({name: cases[-1].exact for name, cases in finest.items()}),
-                yscale="symlog",
+                ("radius, mm", "Cauchy stress, kPa"), _stress_lines(solutions), yscale="symlog"
             ),
             "ring_modes": curves(
                 ("overclosure, mm", "unstable modes, Separate set"), _mode_lines(finest["separate"])
@@ -212,26 +191,23 @@ def report() -> Section:
     )
 
 
-def _stress_lines(exact: dict[BaseSet, ExactRing]) -> list[Curve]:
+def _stress_lines(solutions: dict[BaseSet, RadialSolution]) -> list[Curve]:
     lines: list[Curve] = []
-    for (material, ring_state), style in zip(exact.items(), ("-", "--"), strict=True):
+    for (material, solution), style in zip(solutions.items(), ("-", "--"), strict=True):
         for k, ring in enumerate(LIMB):
-            radius = np.linspace(ring.inner, ring.outer, 30)
-            at = ring_state.solution.profile(ring.name, radius)
+            at = solution.profile(ring.name, np.linspace(ring.inner, ring.outer, 30))
             for row, (component, colour) in enumerate((("radial", "C0"), ("hoop", "C3"))):
                 label = f"{material}, {component}" if k == 0 else None
                 lines.append((at.radius, KILOPASCAL * at.stress[row], style + colour, label))
     return lines
 
 
-def _mode_lines(found: list[RingCase]) -> list[Curve]:
+def _mode_lines(found: pd.DataFrame) -> list[Curve]:
     laws = MaterialSet.paper("separate").tissue_laws()
     share = np.linspace(0.05, 1.0, 20)
     ends = np.append(share - 0.025, 1.025)
     counts = [unstable_modes(exact_ring(laws, OVERCLOSURE, s)) for s in share]
-    loads = np.array([case.load for case in found])
-    counted = [case.negative_modes or 0 for case in found]
     return [
         (OVERCLOSURE * np.repeat(ends, 2)[1:-1], np.repeat(counts, 2), "-", "second variation"),
-        (OVERCLOSURE * loads, counted, "ko", "finite elements"),
+        (OVERCLOSURE * found.load, found.modes, "ko", "finite elements"),
     ]

@@ -4,7 +4,9 @@ Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, sections 4.2 and
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -16,15 +18,16 @@ from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.disc import DiscInCavity
-from calfsocket.meshes.tags import LIMB
 from calfsocket.verification.problems import prescribed_supports
 from calfsocket.verification.report import LOG, Curve, Section, check_each, curves
-from calfsocket.verification.sampling import Array, FloatArray, deviation, edge_means
+from calfsocket.verification.sampling import Array, FloatArray, Slid, deviation, edge_means
 
 JOHNSON = "Johnson 1985, section 4.2"
 CATTANEO = "Cattaneo 1938, Mindlin 1949; Johnson 1985, section 7.2"
 DIVISIONS = (3.0, 6.0, 12.0)
 SHARE, STEPS = 0.6, 6
+"""Q/(mu P) that is aimed at, and the steps of the push."""
+
 MATERIAL = Hencky(e=1.0, nu=0.3)
 
 
@@ -97,10 +100,10 @@ class Line:
         stiffness = self.limb.e / self.h
         motion = prescribed_supports(
             disc.mesh(comm),
-            {LIMB: self.limb, tags.SOCKET: self.socket},
+            {tags.LIMB: self.limb, tags.SOCKET: self.socket},
             Contact(friction=self.friction, gamma=stiffness, gamma_t=0.5 * stiffness),
         )
-        motion.step([LIMB], shift=(0.0, -self.approach()))
+        motion.step([tags.LIMB], shift=(0.0, -self.approach()))
         return motion
 
 
@@ -120,12 +123,9 @@ class Pressed:
     #: second moments of pressure and of |shear| about the centre of pressure, N mm
     moments: tuple[float, ...]
     peak: float  #: largest pressure, mean over a skin edge, MPa
-    #: (m,) middle of each skin edge near the floor from the centre of pressure in mm, mean traction
-    #: on it in MPa and its length in mm
-    x: FloatArray
-    pressure: FloatArray
-    shear: FloatArray
-    weight: FloatArray
+    #: skin edges near the floor: middle x from the centre of pressure (mm), mean pressure and shear
+    #: (MPa), length (mm)
+    edges: pd.DataFrame
     #: half the length of the points that stick, mm; it counts points, so that it jumps
     stick_half_width: float
 
@@ -149,12 +149,13 @@ class Pressed:
         line, force = self.line, self.force
         theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
         a, p0 = self.exact_half_width, line.peak_of(force)
-        exact = p0 * root_mean(self.x / a, self.weight / a)
+        edges = self.edges
+        exact = p0 * root_mean(edges.x / a, edges.length / a)
         return {
             "force of the measured half-width": theory / force - 1.0,
             "half-width": self.half_width / a - 1.0,
             "peak pressure": self.peak / p0 - 1.0,
-            "pressure profile": deviation(self.pressure, exact, self.weight),
+            "pressure profile": deviation(edges.pressure, exact, edges.length),
         }
 
     def slip_errors(self) -> dict[str, float]:
@@ -165,13 +166,14 @@ class Pressed:
         """
         normal, tangential = self.moments
         share = tangential / (self.line.friction * normal)
-        exact = self.exact_shear(self.x, self.weight)
+        edges = self.edges
+        exact = self.exact_shear(edges.x, edges.length)
         return {
             "stick half-width": (1.0 - share) ** 0.25 / self.stick_ratio - 1.0,
-            "shear profile": deviation(self.shear, exact, self.weight),
+            "shear profile": deviation(edges.shear, exact, edges.length),
         }
 
-    def exact_shear(self, x: FloatArray, length: FloatArray) -> FloatArray:
+    def exact_shear(self, x: Array, length: Array) -> FloatArray:
         """Cattaneo's traction on the skin for the measured forces, mean over edges about x, MPa."""
         a, ratio = self.exact_half_width, self.stick_ratio
         c = ratio * a
@@ -185,17 +187,42 @@ def press(line: Line) -> Pressed:
     return read(line, line.pressed(MPI.COMM_SELF))
 
 
-def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
-    """Press a disc with friction on its own material, then move its core sideways in steps.
+@dataclass(frozen=True)
+class Push:
+    """A pressed disc that is pushed sideways, to and fro."""
 
-    The `share` is the Q/(mu P) aimed at: a half-plane gives way alike to normal and to tangential
-    forces.
+    line: Line  #: the problem
+    #: a row a step, the first before any: where the core is (mm), normal and tangential force
+    #: (N/mm), and work of friction in the step, the integral of -q ds (N mm per mm)
+    steps: pd.DataFrame
+    states: list[Pressed]  #: contact and reactions, step by step
+    #: smallest work of friction at a point in a step, over mu p0 times the largest step's way
+    least_work: float
+
+
+def push(line: Line, turns: Sequence[float], step: float) -> Push:
+    """Press a disc with friction on its own material, then push its core to and fro.
+
+    It changes its direction at `turns`; they and the largest `step` are in units of mu times the
+    approach, at which about the whole contact begins to slip: a half-plane gives way alike to
+    normal and to tangential forces.
     """
     motion = line.pressed(MPI.COMM_SELF)
-    way = share * line.friction * line.approach()
-    for _ in range(steps):
-        motion.step([LIMB], shift=(way / steps, 0.0))
-    return read(line, motion)
+    contact, unit = motion.problem.contact, line.friction * line.approach()
+    states, state = [read(line, motion)], contact.state()
+    way, work, least = [0.0], [0.0], 0.0
+    for start, end in pairwise([0.0, *turns]):
+        for target in np.linspace(start, end, math.ceil(abs(end - start) / step - 1e-9) + 1)[1:]:
+            motion.step([tags.LIMB], shift=(target * unit - way[-1], 0.0))
+            states.append(read(line, motion))
+            before, state = state, contact.state()
+            slid = Slid.between(contact, before, state)
+            least = min(least, float(slid.work.min()))
+            work.append(float(contact.points.weight @ slid.work))
+            way.append(target * unit)
+    forces = [(each.force, each.tangential) for each in states]
+    steps = pd.DataFrame(forces, columns=["force", "tangential"]).assign(way=way, work=work)
+    return Push(line, steps, states, least / (line.friction * states[0].peak * step * unit))
 
 
 def read(line: Line, motion: PrescribedMotion) -> Pressed:
@@ -205,27 +232,24 @@ def read(line: Line, motion: PrescribedMotion) -> Pressed:
     problem.set_unknowns(motion.x)
     law = contact.state().traction
     reaction, _ = problem.reaction(tags.TIBIA_MEDULLARY)
-    force = -float(reaction[1])
     position, weight = contact.deformed_points(), contact.points.weight
     total = weight @ law.pressure
     x = position[:, 0] - weight @ (law.pressure * position[:, 0]) / total
-    middle, pressure, shear = (edge_means(contact, v) for v in (x, law.pressure, law.shear))
-    by_edge = len(middle), -1
+    values = {"x": x, "pressure": law.pressure, "shear": law.shear}
+    edges = pd.DataFrame({name: edge_means(contact, each) for name, each in values.items()})
+    by_edge = len(edges), -1
+    edges["length"] = weight.reshape(by_edge).sum(axis=1)
     near = (position[:, 1] < -0.5 * line.radius).reshape(by_edge).all(axis=1)
-    near &= np.abs(middle) < 2.0 * line.half_width
-    order = np.flatnonzero(near)[np.argsort(middle[near])]
-    moments = (float(weight @ (values * x**2)) for values in (law.pressure, np.abs(law.shear)))
+    near &= edges.x.abs() < 2.0 * line.half_width
+    moments = (float(weight @ (each * x**2)) for each in (law.pressure, np.abs(law.shear)))
     return Pressed(
         line=line,
-        force=force,
+        force=-float(reaction[1]),
         tangential=float(reaction[0]),
         total=float(total),
         moments=tuple(moments),
-        peak=float(pressure.max()),
-        x=middle[order],
-        pressure=pressure[order],
-        shear=shear[order],
-        weight=weight.reshape(by_edge).sum(axis=1)[order],
+        peak=float(edges.pressure.max()),
+        edges=edges[near].sort_values("x"),
         stick_half_width=0.5 * float(weight[law.status == STICK].sum()),
     )
 
@@ -244,21 +268,21 @@ def root_mean(x: Array, length: Array) -> FloatArray:
 def _pressure_lines(flat: Pressed, bore: Pressed) -> list[Curve]:
     x = np.linspace(-1.5, 1.5, 601)
     lines: list[Curve] = [
-        (r.x / r.exact_half_width, r.pressure / r.line.peak_of(r.force), mark, name)
+        (r.edges.x / r.exact_half_width, r.edges.pressure / r.line.peak_of(r.force), mark, name)
         for r, mark, name in ((flat, "o", "flat"), (bore, "x", "bore"))
     ]
     return [*lines, (x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "k-", "Hertz")]
 
 
 def _shear_lines(partial: Pressed) -> list[Curve]:
-    a, mu = partial.exact_half_width, partial.line.friction
+    a, mu, edges = partial.exact_half_width, partial.line.friction, partial.edges
     scale = mu * partial.line.peak_of(partial.force)
     x = np.linspace(-1.5, 1.5, 1201)
     exact = partial.exact_shear(x * a, np.full_like(x, 1e-6 * a))
     return [
-        (partial.x / a, partial.pressure * mu / scale, ".C7", None),
+        (edges.x / a, edges.pressure * mu / scale, ".C7", None),
         (x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "-C7", "mu p"),
-        (partial.x / a, np.abs(partial.shear) / scale, "o", "computed"),
+        (edges.x / a, edges.shear.abs() / scale, "o", "computed"),
         (x, np.abs(exact) / scale, "k-", "Cattaneo, Mindlin"),
     ]
 
@@ -269,7 +293,7 @@ def report() -> Section:
         name: [press(replace(line, divisions=n)) for n in DIVISIONS]
         for name, line in (("on a flat", Line()), ("in a bore", BORE))
     }
-    partial = press_and_pull(PARTIAL_SLIP, SHARE, STEPS)
+    partial = push(PARTIAL_SLIP, [SHARE], SHARE / STEPS).states[-1]
     errors = {
         name: pd.DataFrame([p.hertz_errors() for p in pressed], index=DIVISIONS)
         for name, pressed in presses.items()

@@ -12,6 +12,7 @@ from calfsocket.meshes.sizing import named_size
 from calfsocket.meshes.socket import reference_sockets
 from calfsocket.simulation.results import Results
 from calfsocket.verification import limb_convergence as convergence
+from calfsocket.verification.energy import energy_error
 from calfsocket.verification.limb_path import (
     LimbPath,
     energy_figure,
@@ -201,7 +202,7 @@ def _path_checks(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) 
     name = "the study's paths that reach the full load"
     checks = [Check(name, len(paths), asked, "count", rule="exactly")]
     for path in paths:
-        name, energy = f"{path.name}, steps of {path.largest:g}", 100.0 * path.energy.error
+        name, energy = f"{path.name}, steps of {path.largest:g}", 100.0 * energy_error(path.energy)
         checks.append(Check(f"{name}: work less energy and friction", energy, 1.0, "balance", "%"))
         if path.largest == STEPS[0]:
             name = f"{name}: Newton's order at the end"

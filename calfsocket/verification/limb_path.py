@@ -10,7 +10,7 @@ from calfsocket.materials.material_set import BaseSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper
 from calfsocket.simulation.result import Result
-from calfsocket.verification.energy import EnergyBalance, EnergyMeter
+from calfsocket.verification.energy import EnergyMeter, energy_error, share, trapezoid_error
 from calfsocket.verification.limb_runs import largest_distance, mean_pressure, one_case, value
 from calfsocket.verification.newton import (
     TOLERANCE,
@@ -33,7 +33,7 @@ class LimbPath:
     extrapolated: bool  #: whether each step began from the secant through the last two states
     steps: tuple[LoadStep, ...]  #: failed ones too
     solves: list[Solve]  #: Newton's iterates of each step
-    energy: EnergyBalance  #: work of the shrink fit and where it went
+    energy: pd.DataFrame  #: work of the shrink fit and where it went, by load step
     newton_order: float  #: of Newton's method at the end, along the last step
     end: Result  #: the equilibrium at full load
 
@@ -78,7 +78,7 @@ def follow(
         extrapolated,
         steps=tuple(stepper.steps),
         solves=solves,
-        energy=meter.balance(),
+        energy=meter.balance,
         newton_order=order(probe.before, probe.after),
         end=case.result(stepper),
     )
@@ -124,10 +124,10 @@ def energy_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
         {
             "case": path.name,
             "largest step": path.largest,
-            "work, N mm per mm": path.energy.work[-1],
-            **{f"{part}, %": 100.0 * path.energy.share(part) for part in parts},
-            "work less limb, socket, friction, %": 100.0 * path.energy.error,
-            "less lever, penetration, too, %": 100.0 * path.energy.full_error,
+            "work, N mm per mm": path.energy.work.iloc[-1],
+            **{f"{part}, %": 100.0 * share(path.energy, part) for part in parts},
+            "work less limb, socket, friction, %": 100.0 * energy_error(path.energy),
+            "less lever, penetration, too, %": 100.0 * trapezoid_error(path.energy),
         }
         for path in paths
     )
@@ -182,7 +182,7 @@ def energy_figure(paths: Sequence[LimbPath]) -> Draw:
     for k, name in enumerate(dict.fromkeys(path.name for path in paths)):
         followed = [path for path in paths if path.name == name and path.as_the_study]
         steps = [float(np.diff(path.energy.load).max()) for path in followed]
-        left = [100.0 * abs(path.energy.full_error) for path in followed]
+        left = [100.0 * abs(trapezoid_error(path.energy)) for path in followed]
         style = "s--" if name.endswith("combined") else "o-"
         lines.append((steps, left, f"{style}C{k // 2}", name))
     ends = np.array([min(steps), max(steps)])

@@ -1,13 +1,4 @@
-"""How Newton's method converges: in every solve of a subject, and at a solution.
-
-With the exact tangent |F| after an iteration is C |F|^2 before it, close to the solution. Three
-things hide that in a run of a few iterations: far from the solution other terms count; below some
-1e-9 N/mm, the program's tolerance, rounding does; and a contact point that opens, closes, sticks,
-slips, or passes to the next edge of the socket has another residual, with a kink in between. And a
-step that would increase |F| is cut by the line search. So every solve is judged by how far its last
-iteration goes, and by C in those of its last two iterations that are whole steps without such a
-change; the order itself is measured at a solution.
-"""
+"""How Newton's method converges: in every solve, and at a solution (theory: pages/tangent.md)."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

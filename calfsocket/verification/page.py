@@ -256,11 +256,11 @@ PLAIN = (1e-3, 1e4)
 
 
 def label(axis: Axis) -> None:
-    """Label a logarithmic axis at powers of ten alone, a short one at 1, 2 and 5 times them."""
+    """Label a logarithmic axis at powers of ten alone, a short one at 1, 2, 3 and 5 times them."""
     low, high = axis.get_view_interval()
     if high < SHORT * low:
         plain = PLAIN[0] <= low and high <= PLAIN[1]
         powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))  # labels all ticks
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
         axis.set_major_formatter(StrMethodFormatter("{x:g}") if plain else powers)
     axis.set_minor_formatter(NullFormatter())

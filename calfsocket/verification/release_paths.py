@@ -30,7 +30,15 @@ FOUNDATION = 1e-2
 """Contact stiffness at half the load in MPa/mm, above the limb's own."""
 
 
-class StiffeningContact(ContactInterface):
+class WholeOverclosure(ContactInterface):
+    """Contact in which nothing is taken off the gaps."""
+
+    def closing(self) -> FloatArray:
+        """No part of the gaps, in mm; (n,)."""
+        return np.zeros(len(self.points.weight))
+
+
+class StiffeningContact(WholeOverclosure):
     r"""Contact through springs that stiffen until they are rigid.
 
     At load l the skin rests on normal springs of the stiffness e = FOUNDATION l^2/(1 - l)^2, and on
@@ -80,10 +88,6 @@ class StiffeningContact(ContactInterface):
         """Return its derivative by the unknowns of each point's cell; (n, 2, k)."""
         return self.traction_share * super().nominal_traction_variation()
 
-    def closing(self) -> FloatArray:
-        """Nothing is taken off the gaps."""
-        return np.zeros(len(self.points.weight))
-
     def slip(self, arc: FloatArray) -> FloatArray:
         """Slip since the last converged step and the springs' deflection then, mm; (n,)."""
         return super().slip(arc) + self._deflection()
@@ -120,17 +124,12 @@ GUIDE_STIFFNESS = 1e-5
 load."""
 
 
-class ShrinkingContact(ContactInterface):
+class ShrinkingContact(WholeOverclosure):
     """True contact with a socket whose stress-free shape is larger until the load is 1.
 
     The socket's undeformed nodes lie at c + (1 + s (1 - load)) (X - c), c the middle of its inner
-    face and s such that it is clear of the limb by `CLEARANCE` at load 0. Its displacement counts
-    from there; arc lengths along it, and so slip, are those of its own size.
-
-    Attributes
-    ----------
-    swelling : float
-        s.
+    face and s, the `swelling`, such that it is clear of the limb by `CLEARANCE` at load 0. Its
+    displacement counts from there; arc lengths along it, and so slip, are those at load 1.
     """
 
     swelling = 0.0
@@ -158,12 +157,8 @@ class ShrinkingContact(ContactInterface):
         if self.swelling:
             self._set_size(self.swelling * (1.0 - load))
 
-    def closing(self) -> FloatArray:
-        """Nothing is taken off the gaps."""
-        return np.zeros(len(self.points.weight))
-
     def socket_displacement(self) -> FloatArray:
-        """Displacement of the chain's nodes from their places in the socket of its own size, mm."""
+        """Displacement of the nodes of the chain from their places at load 1, mm."""
         swollen = self.swelling * (1.0 - self.load) * (self.chain.reference - self._centre)
         return super().socket_displacement() + swollen
 

@@ -84,9 +84,6 @@ def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
     return problem, x
 
 
-# -- finite differences ---------------------------------------------------------------------------
-
-
 class Difference(NamedTuple):
     """A tangent against finite differences of the residual."""
 
@@ -125,8 +122,6 @@ def random_direction(problem: Problem, x: PETSc.Vec, seed: int = 5) -> FloatArra
     direction[problem.constrained] = 0.0
     return direction
 
-
-# -- parameters -----------------------------------------------------------------------------------
 
 CONTACT_PARAMETERS: dict[str, frozenset[str]] = {
     "gamma": frozenset({"stick", "slip", "mixed"}),
@@ -203,9 +198,6 @@ def as_it_should(moves: pd.DataFrame) -> int:
     return int(moving.eq(moves["should"] == "moves", axis=0).all(axis=1).sum())
 
 
-# -- Newton's method ------------------------------------------------------------------------------
-
-
 RING = TurnedRing(overclosure=0.2, h=2.8)
 
 EQUILIBRIA: dict[str, tuple[float, Sequence[tuple[float, float]], frozenset[int]]] = {
@@ -235,8 +227,6 @@ def equilibrium_probe(name: str) -> tuple[pd.DataFrame, set[int]]:
     direction[problem.constrained] = 0.0
     return probe_at(problem, x, direction), status
 
-
-# -- report ---------------------------------------------------------------------------------------
 
 DIRECTIONS = 4
 
