@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
@@ -34,29 +35,23 @@ def pressed(comm: MPI.Comm, h: float, socket_modulus: float, contact: Contact) -
     return motion
 
 
-@dataclass(frozen=True)
-class Scatter:
-    """Contact pressure where it should be uniform."""
+def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> dict[str, float]:
+    """Measure the pressed rings, without friction, with so many Gauss points a skin edge.
 
-    #: standard deviation of the pressure of the points, and of the means over skin edges, over the
-    #: mean
-    points: float
-    edges: float
-    imbalance: float  #: reaction of the core that should be zero, over the pressing force
-
-
-def patch(h: float, socket_modulus: float, points: int = GAUSS_POINTS) -> Scatter:
-    """Measure the pressed rings, without friction, with so many Gauss points a skin edge."""
+    The standard deviation of the pressure, that of its points and that of its means over skin
+    edges, over its mean, should be zero; so should the imbalance, the reaction of the core over the
+    pressing force.
+    """
     contact = Contact(friction=0.0, gauss_points=points)
     problem = pressed(MPI.COMM_SELF, h, socket_modulus, contact).problem
     pressure = problem.contact.state().traction.pressure
     mean = skin_mean(problem.contact, pressure)
     reaction, _ = problem.reaction(tags.TIBIA_MEDULLARY)
-    return Scatter(
-        points=float(np.std(pressure) / mean),
-        edges=float(np.std(edge_means(problem.contact, pressure)) / mean),
-        imbalance=float(np.linalg.norm(reaction) / (mean * problem.contact.points.weight.sum())),
-    )
+    return {
+        "points": float(np.std(pressure) / mean),
+        "edges": float(np.std(edge_means(problem.contact, pressure)) / mean),
+        "imbalance": float(np.linalg.norm(reaction) / (mean * problem.contact.points.weight.sum())),
+    }
 
 
 @dataclass(frozen=True)
@@ -122,26 +117,25 @@ STIFF, EQUAL = 100.0, 1.0
 
 def report() -> Section:
     """Measure scatter, complementarity and independence of what must not matter."""
-    stiff = [patch(h, STIFF) for h in SIZES]
-    equal = {n: [patch(h, EQUAL, n) for h in SIZES] for n in POINTS}
+    stiff = pd.DataFrame([patch(h, STIFF) for h in SIZES])
+    equal = {n: pd.DataFrame([patch(h, EQUAL, n) for h in SIZES]) for n in POINTS}
     gammas = {gamma: shifted(MPI.COMM_SELF, gamma=gamma) for gamma in (0.1, 1.0, 10.0)}
     fine = shifted(MPI.COMM_SELF, h=1.0)
     gauss = [shifted(MPI.COMM_SELF, points=n) for n in (3, 4, 8)]
-    last = equal[GAUSS_POINTS][-1]
-    scatter = {
+    last = equal[GAUSS_POINTS].iloc[-1]
+    errors = {
         "equal stiffness: scatter of points": last.points,
         "equal stiffness: scatter of edge means": last.edges,
     }
     signorini = {"|gap| p": fine.complementarity, "overlap where open": fine.overlap}
-    lines: list[Curve] = [(SIZES, [s.points for s in stiff], "ko-", "stiff socket, 4 Gauss points")]
+    lines: list[Curve] = [(SIZES, stiff.points, "ko-", "stiff socket, 4 Gauss points")]
     lines += [
-        (SIZES, [s.points for s in results], ".--", f"equal stiffness, {n}")
-        for n, results in equal.items()
+        (SIZES, scatter.points, ".--", f"equal stiffness, {n}") for n, scatter in equal.items()
     ]
     return Section(
         [
-            Check("stiff socket: scatter of points", stiff[-1].points, 2e-3, UNIFORM),
-            *check_each(scatter, 2e-2, UNIFORM),
+            Check("stiff socket: scatter of points", stiff.points.iloc[-1], 2e-3, UNIFORM),
+            *check_each(errors, 2e-2, UNIFORM),
             Check("pressure below zero", min(gammas[1.0].least_pressure, 0.0), 0.0, "Signorini"),
             *check_each(signorini, 1e-3, "Signorini"),
             Check("gamma 0.1 to 10 MPa/mm", spread(list(gammas.values())), 1e-3, "same problem"),

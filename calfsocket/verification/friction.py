@@ -124,19 +124,17 @@ class Loop:
         # Steps that slip from their begin: a step before in the same direction slipped, too.
         same = np.sign(steps.torque) == np.sign(steps.torque.shift())
         full = slipping & slipping.shift(fill_value=False) & same
-        errors = {
-            "contact pressure": (steps.pressure[0] / ring.pressure - 1.0, LAME),
-            "plateau of the torque": (
-                worst(steps.torque[slipping].abs() / ring.slip_torque - 1.0),
-                LAME,
-            ),
-            "area of the cycle": (float(self._areas()[cycle].sum()) / area - 1.0, AREA),
-            "work of friction": (float(steps.work[cycle].sum()) / area - 1.0, AREA),
+        pressures = {
+            "contact pressure": steps.pressure[0] / ring.pressure - 1.0,
+            "plateau of the torque": worst(steps.torque[slipping].abs() / ring.slip_torque - 1.0),
         }
+        areas = {"area of the cycle": self._areas(), "work of friction": steps.work}
+        errors = {name: float(each[cycle].sum()) / area - 1.0 for name, each in areas.items()}
         slip = steps.slip[full] / (-ring.radius * steps.turn.diff()[full])
         return [
             Check("elastic slope of the torque", self.slope_error, BAR, TORSION),
-            *(Check(name, float(error), BAR, source) for name, (error, source) in errors.items()),
+            *check_each(pressures, BAR, LAME),
+            *check_each(errors, BAR, AREA),
             Check("work of friction, negative part", steps.least_work.min(), 1e-4, "second law"),
             Check("slip of a turn while slipping", worst(slip - 1.0), BAR, "r times the turn"),
         ]

@@ -78,14 +78,11 @@ class Line:
         """
         force = math.pi * self.modulus * self.half_width**2 / (4.0 * self.relative_radius)
         depths = (self.radius - self.core, self.thickness)
-        return sum(
-            force
-            / math.pi
-            * (1.0 - law.nu**2)
-            / law.e
-            * (2.0 * math.log(2.0 * depth / self.half_width) - law.nu / (1.0 - law.nu))
-            for law, depth in zip((self.limb, self.socket), depths, strict=True)
-        )
+        depression = 0.0
+        for law, depth in zip((self.limb, self.socket), depths, strict=True):
+            layer = 2.0 * math.log(2.0 * depth / self.half_width) - law.nu / (1.0 - law.nu)
+            depression += force / math.pi * (1.0 - law.nu**2) / law.e * layer
+        return depression
 
     def pressed(self, comm: MPI.Comm) -> PrescribedMotion:
         """Make the bodies, touching in one point, and press them in one step."""

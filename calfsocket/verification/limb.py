@@ -61,14 +61,9 @@ SAME_END_PCT = 0.1
 
 
 def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
-    """Measure the limb.
+    """Measure the limb on two mesh sizes at least; paths and variants are solved on the coarsest.
 
-    Parameters
-    ----------
-    sizes : sequence of str
-        Mesh sizes, two at least. Paths and variants are solved on the coarsest.
-    results : Path
-        Folder that has, or gets, a folder of results a size and variant.
+    The folder `results` has, or gets, a folder of results a size and variant.
     """
     sizes = coarsest_first(sizes)
     coarsest, finest = sizes[0], sizes[-1]
@@ -122,10 +117,7 @@ def report(sizes: Sequence[str] = SIZES, results: Path = RESULTS) -> Section:
 def limb_paths(size: str) -> tuple[list[LimbPath], list[str]]:
     """Follow the six runs with each of `STEPS`, and Separate with extrapolation, too.
 
-    Returns
-    -------
-    paths, failures
-        Paths that reach the full load, and what became of the others.
+    Return the paths that reach the full load, and what became of the others.
     """
     paths, failures = [], []
     for socket in reference_sockets():

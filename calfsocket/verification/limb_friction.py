@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from calfsocket.contact.friction import OPEN, SLIP
+from calfsocket.contact.friction import SLIP
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.parameters import Contact
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps
@@ -25,7 +25,7 @@ class Fitting:
     """A socket put on the limb by one path."""
 
     end: Result  #: the limb at full load
-    #: by converged step: load, mean pressure (kPa), shear_ratio, slip_share, open_share
+    #: by converged step: mean_pressure (kPa), shear_ratio, slip_share
     history: pd.DataFrame
     slid: FloatArray  #: (m,) way that each point of the contact line slid in all, mm
 
@@ -74,7 +74,7 @@ def fit(
         way = np.abs(Slid.between(skin, before, state).slip)
         slid = slid + np.where(state.traction.status == SLIP, way, 0.0)
         before = state
-        history.append(_history_row(step.load, state, skin.points.weight))
+        history.append(_history_row(state, skin.points.weight))
         if path == "stiffened" and problem.foundation is not None:
             problem.foundation.rest(problem.w.x.array)
 
@@ -86,15 +86,13 @@ def fit(
     return Fitting(end, pd.DataFrame(history), slid[order])
 
 
-def _history_row(load: float, state: ContactState, weight: FloatArray) -> dict[str, float]:
+def _history_row(state: ContactState, weight: FloatArray) -> dict[str, float]:
     law = state.traction
     pressing, length = float(weight @ law.pressure), float(weight.sum())
     return {
-        "load": load,
         "mean_pressure": KILOPASCAL * pressing / length,
         "shear_ratio": float(weight @ np.abs(law.shear)) / pressing if pressing else 0.0,
         "slip_share": float(weight[law.status == SLIP].sum()) / length,
-        "open_share": float(weight[law.status == OPEN].sum()) / length,
     }
 
 

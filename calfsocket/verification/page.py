@@ -122,20 +122,9 @@ def write_page(
 ) -> bool:
     """Run subjects; write ``verification.md`` with their sections, figures and tables.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the page goes; figures and tables go to ``verification/`` in it. Sections of an
-        earlier page stay when their subject is not run.
-    subjects : sequence of str
-        Which to run.
-    options : mapping of subject to keywords, optional
-        What the ``report`` of a subject is called with.
-
-    Returns
-    -------
-    bool
-        Whether every check of the subjects that were run passes.
+    Figures and tables go to ``verification/`` in the folder; sections of an earlier page stay when
+    their subject is not run. Options are keywords of a subject's ``report``. Return whether every
+    check of the subjects that were run passes.
     """
     page = folder / PAGE
     passed = True
