@@ -34,7 +34,6 @@ NOISE_LOOP = 5.0
 MAX_POINTS = 50_000
 #: Curves of a drawing that a message lists.
 _LISTED = 6
-_HOW = "curve = 'HANDLE or ID', layer = 'LAYER'"
 #: Units in mm.
 UNITS = {"mm": 1.0, "m": 1000.0, "inch": 25.4, "cm": 10.0, "micrometres": 1e-3}
 
@@ -201,7 +200,7 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, choice: Choice) -> Dr
     pieces = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     groups = _groups(pieces)
     if wrong and not choice.curve:
-        others = f", or choose the outline: {_listed(groups)} ({_HOW})" if groups else ""
+        others = f", or choose the outline ({_how(groups)}): {_listed(groups)}" if groups else ""
         raise InputError(f"{path}, {wrong[0].place}: {wrong[0].problem}{others}")
     if not groups:
         raise InputError(f"{path}: the drawing is empty; draw one closed outline")
@@ -246,7 +245,7 @@ def _chosen(path: Path, groups: Sequence[list[Piece]], choice: Choice) -> list[P
     if len(groups) > 1:
         raise InputError(
             f"{path}: contains {len(groups)} outlines ({_listed(groups)}); keep the inner face"
-            f" only, or choose it ({_HOW})"
+            f" only, or choose it ({_how(groups)})"
         )
     return groups[0]
 
@@ -263,6 +262,15 @@ def _listed(groups: Sequence[Sequence[Piece]]) -> str:
 
     more = f"; and {len(groups) - _LISTED} more" if len(groups) > _LISTED else ""
     return "; ".join(map(words, groups[:_LISTED])) + more
+
+
+def _how(groups: Sequence[Sequence[Piece]]) -> str:
+    """Return how the first of several curves would be chosen."""
+    first = groups[0][0]
+    layers = {piece.layer for group in groups for piece in group}
+    ways = [f"curve = '{first.name}'"] if first.name else []
+    ways += [f"layer = '{first.layer}'"] if first.layer and len(layers) > 1 else []
+    return f"e.g. {' or '.join(ways)}" if ways else "by an id that you give it"
 
 
 def _ends(pieces: Sequence[Piece]) -> Array:

@@ -94,8 +94,8 @@ def _curve_points(drawn: Drawn, tolerance: float) -> tuple[Array, float]:
         return smooth, deviation
     raise InputError(
         f"{drawn.path}, {drawn.place_near(where)}: the outline turns too sharply near {xy(where)}:"
-        f" no smooth curve stays within {tolerance:g} mm of it; round the corner off, add points,"
-        " or set `tolerance`"
+        f" no smooth curve stays within {tolerance:g} mm of it (one is {deviation:.2g} mm off);"
+        " round the corner off, add points, or set `tolerance`"
     )
 
 
