@@ -138,7 +138,9 @@ class Simulation:
         InputError
             If it cannot be put on: one line that names the socket and the place.
         """
-        return self._placement or check_placement(self.socket, self.limb, self.socket.name)
+        return self._placement or check_placement(
+            self.socket, self.limb, self.socket.name, floating=self.support == "floating"
+        )
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -213,7 +215,7 @@ class Simulation:
             failure = str(error)
         if profile:
             profile.stop()
-        result = self._result(stepper, start, failure)
+        result = self.result(stepper, start, failure)
         if failure:
             raise ConvergenceError(failure, result)
         return result
@@ -244,7 +246,10 @@ class Simulation:
             monitor.resumed(start)
         return start
 
-    def _result(self, stepper: LoadStepper, start: Milestone | None, failure: str) -> Result:
+    def result(
+        self, stepper: LoadStepper, start: Milestone | None = None, failure: str = ""
+    ) -> Result:
+        """Read and check the equilibrium that a stepper has come to, from a start (collective)."""
         with self.phases("checks"):
             checks = check(stepper)
         with self.phases("fields"):
