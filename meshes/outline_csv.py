@@ -43,7 +43,7 @@ def read_csv(path: Path, choice: Choice) -> Drawn:
     InputError
         Naming file and line.
     """
-    if choice != Choice():
+    if choice.layer is not None or choice.curve is not None:
         raise InputError(f"{path}: a CSV has one curve and no layers; remove `layer` and `curve`")
     rows = _rows(path)
     names = 0
@@ -58,7 +58,7 @@ def read_csv(path: Path, choice: Choice) -> Drawn:
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) <= SAME_POINT:
         points, places = points[:-1], places[:-1]
     said = f"its header says {unit}" if unit not in ("", "mm") else ""
-    drawn = Drawn.of(path, points[:, :2], places, said)
+    drawn = Drawn.of(path, points[:, :2], places, said, choice.extent)
     _check_closed(drawn)
     return drawn
 

@@ -20,7 +20,7 @@ FIBULA_ANGLE = -37.8
 #: The flesh lies behind the line from tibia to fibula: the sine of the angle from it to the
 #: skin's centroid, seen from above, is -0.43 in the reference calf, a right leg. Smaller ones do
 #: not tell the side.
-_LEAST_SINE = 0.12
+LEAST_SINE = 0.12
 #: By how much a tibia must be thicker at its proximal end: a share. Towards the knee it flares.
 _FLARE = 1.3
 #: The same of the whole limb: a tip, or an ankle without the foot, has less than half of the area.
@@ -254,14 +254,14 @@ def _front(
         side = "right" if float(towards @ np.cross(front, axis)) > 0 else "left"
         found.append(f"side: {side}, by the fibula, which is lateral")
     if not side:
-        if abs(sine) < _LEAST_SINE:
+        if abs(sine) < LEAST_SINE:
             raise InputError(
                 f"{source.names}: a left or a right limb? (tibia, fibula and flesh do not tell)"
                 " add --side left or --side right"
             )
         side = "right" if sine < 0 else "left"
         found.append(f"side: {side}, by tibia, fibula and the flesh behind them")
-    elif abs(sine) > _LEAST_SINE and (sine < 0) != (side == "right"):
+    elif abs(sine) > LEAST_SINE and (sine < 0) != (side == "right"):
         found.append(
             f"caution: tibia, fibula and flesh look like the other side than {side}; is the"
             " proximal end right, or the source mirrored?"
