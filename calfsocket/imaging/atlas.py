@@ -13,7 +13,7 @@ from calfsocket.imaging.correspondence import (
     with_envelope,
 )
 from calfsocket.imaging.landmarks import Ring
-from calfsocket.imaging.layers import Thinned, layers
+from calfsocket.imaging.layers import Fat, Thinned, layers
 from calfsocket.imaging.outlines import SectionOutlines
 from calfsocket.imaging.reference import Reference
 from calfsocket.imaging.regions import Provenance, Regions
@@ -22,6 +22,10 @@ from calfsocket.imaging.shapes import polygon
 from calfsocket.imaging.thickness import Thickness, thickness
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.limb import Limb
+
+#: Where bone lies less than the first deep below the fat of the atlas, mm, no muscle is between
+#: them; where it lies deeper than the second, some is.
+MUSCLE = 1.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -110,9 +114,12 @@ def carried(
     if fat_thickness is not None:
         scale = fat_thickness / atlas.fat_thickness
 
-    def fat(s: Array) -> Array:
+    def fat(s: Array) -> Fat:
         own = found.on_skin_of_atlas(s, atlas.skin_ring)
-        return np.asarray(scale * (atlas.depth(own) - atlas.skin_thickness))
+        depth = atlas.depth(own)
+        fascia = atlas.depth_of_bone(own) - depth
+        bare = np.clip((MUSCLE[1] - fascia) / (MUSCLE[1] - MUSCLE[0]), 0.0, 1.0)
+        return Fat(scale * (depth - atlas.skin_thickness), bare**2 * (3 - 2 * bare), fascia)
 
     under = layers(
         section.skin, skin_thickness or atlas.skin_thickness, fat, bones,
@@ -121,7 +128,7 @@ def carried(
     bellies = {name: section.rings[name] for name in outlines.regions if name in atlas.bellies}
     found = with_envelope(found, atlas, Ring.of(under.envelope), bellies)
     smooth, determinant = smooth_map(found, atlas, section.at)
-    regions = Regions(atlas, section, bones, under, smooth)
+    regions = Regions(atlas, section, bones, under, smooth, found)
     return AtlasLimb(
         regions.limb(title),
         float(determinant.min()),

@@ -118,6 +118,13 @@ def with_envelope(
     return Correspondence(source, rings, slid(source, rings, start), before.turn)
 
 
+def affine(found: Correspondence, name: str) -> SmoothMap:
+    """Return the affine map that takes the points on one curve nearest to theirs."""
+    source = np.column_stack([found.source[name], np.ones(len(found.source[name]))])
+    solution = np.linalg.lstsq(source, found.target[name], rcond=None)[0]
+    return SmoothMap(solution[:2].T, solution[2])
+
+
 def _increasing(s: Array, t: Array, length: float, other: float) -> tuple[Array, Array]:
     """Return corresponding arc lengths around two rings as a function that grows."""
     t = np.unwrap(t, period=other)

@@ -40,6 +40,30 @@ class Thinned:
 
 
 @dataclass(frozen=True)
+class Fat:
+    """What the atlas says of the fat under some places of the skin, arrays of the same shape.
+
+    Attributes
+    ----------
+    thickness
+        mm.
+    bare
+        1 where no muscle lies between fat and bone, so that the fat reaches down to the bone, to 0.
+    fascia
+        Thickness of the fascia on the bone there, mm.
+    """
+
+    thickness: Array
+    bare: Array
+    fascia: Array
+
+    def over(self, room: Array) -> Array:
+        """Return the thickness where below the skin there is so much room to the bone, mm."""
+        reaching = np.maximum(room - self.fascia, self.thickness)
+        return self.thickness + self.bare * (reaching - self.thickness)
+
+
+@dataclass(frozen=True)
 class Layers:
     """Curves below the skin.
 
@@ -59,7 +83,7 @@ class Layers:
 def layers(
     skin: Ring,
     thickness: float,
-    fat: Callable[[Array], Array],
+    fat: Callable[[Array], Fat],
     bones: dict[str, Ring],
     envelope: Ring | None,
     at: Callable[[Array], str],
@@ -73,7 +97,7 @@ def layers(
     thickness : float
         Of the skin, mm.
     fat : callable
-        Arc length along the skin -> thickness of the fat, mm, where there is room.
+        Arc length along the skin -> the fat that is expected there.
     bones : dict of str to Ring
         Below.
     envelope : Ring, optional
@@ -88,11 +112,10 @@ def layers(
     """
     s = skin.even(int(skin.length / _STEP))
     points = skin.at(s)
-    wanted = fat(s)
     below = {name: ring.points for name, ring in bones.items()}
     under = OVER_BONE
     if envelope is not None:
-        below, under, wanted = {"muscles": envelope.points}, 0.0, np.full(len(s), np.inf)
+        below, under = {"muscles": envelope.points}, 0.0
     room = np.array([shapely.distance(shapely.points(points), shapely.LinearRing(each))
                      for each in below.values()])  # fmt: skip
     names, nearest = list(below), room.argmin(axis=0)
@@ -111,7 +134,7 @@ def layers(
         )
     free = np.where(share < 1.0, share * LEAST_FAT, least - thickness - under)
     skin_width = _gently(share * thickness)
-    fat_width = np.minimum(wanted, _gently(free))
+    fat_width = np.minimum(fat(s).over(least - thickness), _gently(free))
     body = polygon(skin)
     inner = rounded(body.difference(band(points, skin_width)), SKIN_RADIUS)
     thinned = tuple(_stretches(skin, s, share, names, nearest, skin_width, fat_width))

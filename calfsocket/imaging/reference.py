@@ -114,6 +114,12 @@ class Reference:
         envelope = shapely.LinearRing(self.envelope.points)
         return np.asarray(shapely.distance(shapely.points(self.skin_ring.at(s)), envelope))
 
+    def depth_of_bone(self, s: Array) -> Array:
+        """Return the distance of the nearest bone from places on the skin, mm."""
+        points = shapely.points(self.skin_ring.at(s))
+        rings = [shapely.LinearRing(self.ring(name).points) for name in self.bones]
+        return np.asarray(np.min([shapely.distance(points, ring) for ring in rings], axis=0))
+
     def without(self, bone: str) -> "Reference":
         """Return the same limb where a bone has ended: the bellies around it fill its place."""
         bones = {name: region for name, region in self.bones.items() if name != bone}

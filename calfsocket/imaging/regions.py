@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from calfsocket.imaging import inlays
+from calfsocket.imaging.correspondence import Correspondence, affine
 from calfsocket.imaging.inlays import CLEARANCE, IN_FAT
 from calfsocket.imaging.landmarks import Ring
 from calfsocket.imaging.layers import ENVELOPE_RADIUS, Layers
@@ -50,8 +51,9 @@ class Regions:
 
     Attributes
     ----------
-    atlas, section, bones, layers, smooth
-        The reference limb, the section with its bones and layers, and the map between both.
+    atlas, section, bones, layers, smooth, found
+        The reference limb, the section with its bones and layers, the map between both, and the
+        points from which it was made.
     curves : dict
         Points of the curves in the section's axes, by name.
     origin : dict of str to Provenance
@@ -65,6 +67,7 @@ class Regions:
     bones: Mapping[str, Ring]
     layers: Layers
     smooth: SmoothMap
+    found: Correspondence
     curves: dict[str, tuple[Point, ...]] = field(default_factory=dict)
     origin: dict[str, Provenance] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
@@ -178,7 +181,7 @@ class Regions:
             points = curve.evaluate(curve.knots[:-1])
             self.curves[hole] = tuple((float(x), float(y)) for x, y in points)
             return
-        moved = polygon(Ring(self.smooth(self.atlas.rings[hole].points)))
+        moved = polygon(Ring(affine(self.found, bone)(self.atlas.rings[hole].points)))
         within = rounded(moved.intersection(self._bodies[bone].buffer(-LEAST_CORTEX)), CAVITY_RADIUS)
         if within.area < SMALLEST_AREA:
             raise InputError(
