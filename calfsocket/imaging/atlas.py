@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from calfsocket.imaging.correspondence import (
+    Correspondence,
+    around_bones,
     bones_by_skin,
-    skin_and_bones,
     smooth_map,
-    with_envelope,
+    with_layers,
 )
-from calfsocket.imaging.landmarks import Ring
 from calfsocket.imaging.layers import Fat, Thinned, layers
 from calfsocket.imaging.outlines import SectionOutlines
 from calfsocket.imaging.reference import Reference
@@ -109,24 +109,16 @@ def carried(
     for name in [name for name in atlas.bones if name not in bones]:
         warnings.append(f"the section has no {name}: the muscles around it fill its place")
         atlas = atlas.without(name)
-    found = skin_and_bones(atlas, section.skin, bones)
-    scale = np.sqrt(polygon(section.skin).area / polygon(atlas.skin_ring).area)
-    if fat_thickness is not None:
-        scale = fat_thickness / atlas.fat_thickness
-
-    def fat(s: Array) -> Fat:
-        own = found.on_skin_of_atlas(s, atlas.skin_ring)
-        depth = atlas.depth(own)
-        fascia = atlas.depth_of_bone(own) - depth
-        bare = np.clip((MUSCLE[1] - fascia) / (MUSCLE[1] - MUSCLE[0]), 0.0, 1.0)
-        return Fat(scale * (depth - atlas.skin_thickness), bare**2 * (3 - 2 * bare), fascia)
-
+    envelope = section.rings.get("envelope")
+    found = around_bones(atlas, "skin", section.skin, bones)
     under = layers(
-        section.skin, skin_thickness or atlas.skin_thickness, fat, bones,
-        section.rings.get("envelope"), section.at,
+        section.skin, skin_thickness or atlas.skin_thickness,
+        lambda s: _fat(atlas, found, s, fat_thickness), bones, envelope, section.at,
     )  # fmt: skip
+    if envelope is not None:
+        found = around_bones(atlas, "envelope", under.envelope_ring, bones)
     bellies = {name: section.rings[name] for name in outlines.regions if name in atlas.bellies}
-    found = with_envelope(found, atlas, Ring.of(under.envelope), bellies)
+    found = with_layers(found, atlas, section.skin, under.envelope_ring, bellies)
     smooth, determinant = smooth_map(found, atlas, section.at)
     regions = Regions(atlas, section, bones, under, smooth, found)
     return AtlasLimb(
@@ -138,6 +130,18 @@ def carried(
         tuple(_words(each, section) for each in under.thinned),
         (*warnings, *regions.warnings),
     )
+
+
+def _fat(atlas: Reference, found: Correspondence, s: Array, mean: float | None) -> Fat:
+    """Return the fat that the atlas has under places of the section's skin."""
+    own = found.on_skin_of_atlas(s, atlas.skin_ring)
+    scale = np.sqrt(polygon(found.rings["skin"]).area / polygon(atlas.skin_ring).area)
+    if mean is not None:
+        scale = mean / atlas.fat_thickness
+    depth = atlas.depth(own)
+    fascia = atlas.depth_of_bone(own) - depth
+    bare = np.clip((MUSCLE[1] - fascia) / (MUSCLE[1] - MUSCLE[0]), 0.0, 1.0)
+    return Fat(scale * (depth - atlas.skin_thickness), bare**2 * (3 - 2 * bare), fascia)
 
 
 def _words(thinned: Thinned, section: Section) -> str:

@@ -12,8 +12,8 @@ from calfsocket.imaging.shapes import polygon
 from calfsocket.imaging.smooth_map import SmoothMap, ThinPlate, fitted
 from calfsocket.meshes.curves import Array
 
-#: Numbers of corresponding points on the skin, around the muscles, and on the bones.
-SKIN_POINTS, ENVELOPE_POINTS = 60, 60
+#: Numbers of corresponding points on the skin and around the muscles, and on the bones.
+OUTER_POINTS = 60
 BONE_POINTS = {"tibia": 40, "fibula": 16}
 #: Distance of corresponding points on a belly that the source has, mm, and how loosely they hold:
 #: its own outline is used anyway, and its neighbours' may contradict it by the width of a septum.
@@ -22,6 +22,8 @@ BELLY_STEP, BELLY_SLACK = 6.0, 2e-3
 SKIN_SLACK = 1e-2
 #: Distance of the points at which folds are looked for, mm.
 SAMPLE_STEP = 1.0
+#: What lies on a curve is at most this far from the polygon that stands for it, mm.
+_ON_EDGE = 0.05
 #: Share of the atlas's soft tissue over a bone that is left where the skin alone places it.
 LEAST_COVER = 0.5
 
@@ -52,70 +54,95 @@ class Correspondence:
         """Where the points of the atlas lie in the section, mm."""
         return {name: ring.at(self.along[name]) for name, ring in self.rings.items()}
 
+    def on_skin(self, s: Array, atlas: Ring) -> Array:
+        """Return the arc lengths on the section's skin of those on the atlas's, mm."""
+        return _carried(s, atlas.even(OUTER_POINTS), atlas, self.along["skin"], self.rings["skin"])
+
     def on_skin_of_atlas(self, s: Array, atlas: Ring) -> Array:
         """Return the arc lengths on the atlas's skin of those on the section's, mm."""
-        own = self.along["skin"]
-        length = self.rings["skin"].length
-        first = int(np.argmin(np.mod(own, length)))
-        own = np.unwrap(np.roll(np.mod(own, length), -first), period=length)
-        there = np.roll(atlas.even(SKIN_POINTS), -first)
-        there = np.unwrap(there, period=atlas.length)
-        own = np.concatenate([own[-1:] - length, own, own[:1] + length])
-        there = np.concatenate([there[-1:] - atlas.length, there, there[:1] + atlas.length])
-        return np.mod(np.interp(np.mod(s, length), own, there), atlas.length)
+        return _carried(s, self.along["skin"], self.rings["skin"], atlas.even(OUTER_POINTS), atlas)
 
 
-def skin_and_bones(atlas: Reference, skin: Ring, bones: dict[str, Ring]) -> Correspondence:
-    """Find corresponding points of skin and bones.
+def around_bones(
+    atlas: Reference, name: str, outer: Ring, bones: dict[str, Ring]
+) -> Correspondence:
+    """Find corresponding points of bones and of the ``skin``, or the muscles' ``envelope``.
 
     By how much the section is turned is the mean of what the direction from tibia to fibula and the
-    shape of the tibia say. Points of the skin begin in the same directions from its centroid and
-    slide from there.
+    shape of the tibia say. Points of the outer curve begin in the same directions from its centroid
+    and slide from there.
     """
-    own = {name: atlas.ring(name) for name in bones}
-    tibia, fibula = own["tibia"], own.get("fibula")
+    own = {each: atlas.ring(each) for each in bones}
     turn = 0.0
-    if fibula:
+    if "fibula" in own:
         before, after = (
             complex(*(each["fibula"].centroid - each["tibia"].centroid)) for each in (own, bones)
         )
         turn = float(np.angle(after / before))
-    along, of_tibia = turned(tibia, bones["tibia"], turn, BONE_POINTS["tibia"])
-    turn = (turn + of_tibia) / 2 if fibula else of_tibia
-    source = {"skin": atlas.skin_ring.at(atlas.skin_ring.even(SKIN_POINTS))}
-    start = {"skin": skin.by_angle(source["skin"], atlas.skin_ring.centroid, turn)}
-    for name, ring in own.items():
-        source[name] = ring.at(ring.even(BONE_POINTS[name]))
-        start[name] = (
-            along if name == "tibia" else bones[name].by_angle(source[name], ring.centroid, turn)
+    along, of_tibia = turned(own["tibia"], bones["tibia"], turn, BONE_POINTS["tibia"])
+    turn = (turn + of_tibia) / 2 if "fibula" in own else of_tibia
+    reference = _outer(atlas)[name]
+    source = {name: reference.at(reference.even(OUTER_POINTS))}
+    start = {name: outer.by_angle(source[name], reference.centroid, turn)}
+    for bone, ring in own.items():
+        source[bone] = ring.at(ring.even(BONE_POINTS[bone]))
+        start[bone] = (
+            along if bone == "tibia" else bones[bone].by_angle(source[bone], ring.centroid, turn)
         )
-    rings = {"skin": skin, **bones}
+    rings = {name: outer, **bones}
     return Correspondence(source, rings, slid(source, rings, start), turn)
 
 
-def with_envelope(
-    before: Correspondence, atlas: Reference, envelope: Ring, bellies: dict[str, Ring]
+def with_layers(
+    found: Correspondence, atlas: Reference, skin: Ring, envelope: Ring, bellies: dict[str, Ring]
 ) -> Correspondence:
-    """Add points around the muscles, and on bellies that the source has, and let all slide again.
+    """Add points of the other outer curve, and of bellies that the source has.
 
-    Points around the muscles begin below the points of the skin to which they are nearest.
+    Points of skin and envelope face each other as they do in the atlas. Those of envelope, bones and
+    bellies slide once more, without the skin: how thick the fat is says nothing of the muscles.
     """
-    source, rings, start = dict(before.source), dict(before.rings), dict(before.along)
-    points = atlas.envelope.at(atlas.envelope.even(ENVELOPE_POINTS))
-    here = atlas.skin_ring.nearest(points)
-    there = np.interp(
-        here,
-        *_increasing(atlas.skin_ring.even(SKIN_POINTS), start["skin"], atlas.skin_ring.length,
-                     rings["skin"].length),
-    )  # fmt: skip
-    source["envelope"], rings["envelope"] = points, envelope
-    start["envelope"] = in_order(envelope, rings["skin"].at(there))
+    rings = {"skin": skin, "envelope": envelope, **found.rings}
+    reference = _outer(atlas)
+    source = {each: ring.at(ring.even(OUTER_POINTS)) for each, ring in reference.items()}
+    (known,) = source.keys() & found.source.keys()
+    (other,) = source.keys() - {known}
+    there = _facing(reference[known], source[other], rings[known], found.along[known])
+    along = {**found.along, other: in_order(rings[other], there)}
+    source |= found.source
     for name, ring in bellies.items():
         own = atlas.ring(name)
         number = max(int(own.length / BELLY_STEP), 8)
         source[name], rings[name] = own.at(own.even(number)), ring
-        start[name] = turned(own, ring, before.turn, number)[0]
-    return Correspondence(source, rings, slid(source, rings, start), before.turn)
+        along[name] = turned(own, ring, found.turn, number)[0]
+    deep = [name for name in source if name != "skin"]
+    along |= slid({name: source[name] for name in deep}, rings, along)
+    if other == "skin":
+        there = _facing(reference[known], source[other], rings[known], along[known])
+        along[other] = in_order(skin, there)
+    return Correspondence(source, rings, along, found.turn)
+
+
+def _outer(atlas: Reference) -> dict[str, Ring]:
+    return {"skin": atlas.skin_ring, "envelope": atlas.envelope}
+
+
+def _facing(reference: Ring, points: Array, ring: Ring, along: Array) -> Array:
+    """Return where the places of a reference curve to which points are nearest lie on a ring."""
+    near = reference.nearest(points)
+    return ring.at(_carried(near, reference.even(len(along)), reference, along, ring))
+
+
+def _carried(s: Array, here: Array, ring: Ring, there: Array, other: Ring) -> Array:
+    """Return the arc lengths on another ring that correspond to some on a ring.
+
+    `here` and `there` are corresponding ones, in their order around.
+    """
+    first = int(np.argmin(np.mod(here, ring.length)))
+    x = np.unwrap(np.roll(np.mod(here, ring.length), -first), period=ring.length)
+    y = np.unwrap(np.roll(there, -first), period=other.length)
+    x = np.concatenate([x[-1:] - ring.length, x, x[:1] + ring.length])
+    y = np.concatenate([y[-1:] - other.length, y, y[:1] + other.length])
+    return np.mod(np.interp(np.mod(s, ring.length), x, y), other.length)
 
 
 def affine(found: Correspondence, name: str) -> SmoothMap:
@@ -125,41 +152,36 @@ def affine(found: Correspondence, name: str) -> SmoothMap:
     return SmoothMap(solution[:2].T, solution[2])
 
 
-def _increasing(s: Array, t: Array, length: float, other: float) -> tuple[Array, Array]:
-    """Return corresponding arc lengths around two rings as a function that grows."""
-    t = np.unwrap(t, period=other)
-    return np.append(s, length), np.append(t, t[0] + other)
-
-
 def smooth_map(
     found: Correspondence, atlas: Reference, at: Callable[[Array], str]
 ) -> tuple[SmoothMap, Array]:
-    """Return the map, and its determinants at points of the atlas.
+    """Return the map of all that lies within the envelope, and its determinants at points of it.
 
-    These are `SAMPLE_STEP` apart all over the section, and on all curves.
+    These are `SAMPLE_STEP` apart all over the atlas's envelope, and on all curves in it. Skin and fat
+    are layers of their own and not mapped: thick fat does not stretch the muscles.
     """
-    loose = {name: BELLY_SLACK for name in found.source if name in atlas.bellies}
+    deep = [name for name in found.source if name != "skin"]
     target = found.target
-    slack = np.concatenate(
-        [np.full(len(points), loose.get(name, 0.0)) for name, points in found.source.items()]
-    )
-    source = np.concatenate(list(found.source.values()))
-    ends = np.concatenate([target[name] for name in found.source])
-    return fitted(source, ends, _samples(atlas), slack, at)
+    slack = [
+        np.full(len(target[name]), BELLY_SLACK if name in atlas.bellies else 0.0) for name in deep
+    ]
+    source = np.concatenate([found.source[name] for name in deep])
+    ends = np.concatenate([target[name] for name in deep])
+    return fitted(source, ends, _samples(atlas), np.concatenate(slack), at)
 
 
 def _samples(atlas: Reference) -> Array:
-    low, high = atlas.skin_ring.points.min(axis=0), atlas.skin_ring.points.max(axis=0)
+    edge = polygon(atlas.envelope)
+    low, high = atlas.envelope.points.min(axis=0), atlas.envelope.points.max(axis=0)
     axes = [np.arange(low[i], high[i], SAMPLE_STEP) for i in (0, 1)]
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    inside = grid[shapely.contains_xy(polygon(atlas.skin_ring), *grid.T)]
-    rings = [ring.at(ring.even(int(ring.length / SAMPLE_STEP))) for ring in atlas.rings.values()]
-    return np.concatenate([inside, *rings])
+    curves = [ring.at(ring.even(int(ring.length / SAMPLE_STEP))) for ring in atlas.rings.values()]
+    points = np.concatenate([grid, *curves])
+    inside = shapely.contains_xy(edge.buffer(_ON_EDGE), *points.T)
+    return np.asarray(points[inside])
 
 
-def bones_by_skin(
-    atlas: Reference, skin: Ring, landmarks: dict[str, float]
-) -> dict[str, Ring]:
+def bones_by_skin(atlas: Reference, skin: Ring, landmarks: dict[str, float]) -> dict[str, Ring]:
     """Place the atlas's bones by the skin's shape.
 
     Parameters
@@ -177,9 +199,9 @@ def bones_by_skin(
         Moved, turned and scaled, not bent, unless they would then come too near to the skin.
     """
     own = atlas.skin_ring
-    points = own.at(own.even(SKIN_POINTS))
+    points = own.at(own.even(OUTER_POINTS))
     angle = np.rad2deg(np.arctan2(*(points - own.centroid).T[::-1]))
-    turn = np.zeros(SKIN_POINTS)
+    turn = np.zeros(OUTER_POINTS)
     if landmarks:
         here = landmark_angles(atlas)
         known = sorted((here[name], _wrap(landmarks[name] - here[name])) for name in landmarks)

@@ -15,7 +15,7 @@ STEP = 0.2
 #: Rounds in which points slide; the map's energy falls by less than 1 % in later ones.
 ROUNDS = 12
 #: Weight of even spacing against the bending energy. Without it points crowd where the map bends.
-EVENNESS = 0.02
+EVENNESS = 5e-4
 #: Smallest share of the even spacing that two neighbours keep.
 CLOSEST = 0.3
 #: Largest angle, degrees, by which a bone is taken to be turned against the atlas.

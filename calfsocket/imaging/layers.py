@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -20,6 +21,9 @@ LEAST_SHARE = 0.25
 #: Fascia between the envelope and a bone under the skin, mm: as over the atlas's tibia, whose crural
 #: fascia is there one with the periosteum.
 OVER_BONE = 0.6
+#: Half the width of notches between the muscles of a source and a bone beside them, mm, that belong
+#: to the fascia.
+NOTCH = 2.0
 #: Over what length along the skin a thickness changes, mm.
 _BLEND = 2.0
 #: Smallest radii of the curves below skin and fat, mm, while corners are sharper above them.
@@ -69,15 +73,26 @@ class Layers:
 
     Attributes
     ----------
+    thickness : float
+        Of the skin where it is not thinned, mm.
     skin_inner, envelope : ClosedCurve
         Under the skin, and around the fascia of the muscles.
     thinned : tuple of Thinned
         Where skin and fascia are thinner than they should be.
+    widened : float
+        How far an envelope of the source was moved outward to have the bones in it, mm.
     """
 
+    thickness: float
     skin_inner: ClosedCurve
     envelope: ClosedCurve
     thinned: tuple[Thinned, ...]
+    widened: float = 0.0
+
+    @cached_property
+    def envelope_ring(self) -> Ring:
+        """The envelope as a polygon."""
+        return Ring.of(self.envelope)
 
 
 def layers(
@@ -113,9 +128,15 @@ def layers(
     s = skin.even(int(skin.length / _STEP))
     points = skin.at(s)
     below = {name: ring.points for name, ring in bones.items()}
-    under = OVER_BONE
+    under, widened = OVER_BONE, 0.0
     if envelope is not None:
-        below, under = {"muscles": envelope.points}, 0.0
+        muscles = polygon(envelope)
+        cover = [polygon(ring).buffer(OVER_BONE) for ring in bones.values()]
+        deep = shapely.union_all([muscles, *cover])
+        if deep.difference(muscles).area > 0:
+            deep = _closed(deep)
+            widened = float(shapely.hausdorff_distance(muscles, deep))
+        below, under = {"muscles": shapely.get_coordinates(deep.exterior)[:-1]}, 0.0
     room = np.array([shapely.distance(shapely.points(points), shapely.LinearRing(each))
                      for each in below.values()])  # fmt: skip
     names, nearest = list(below), room.argmin(axis=0)
@@ -140,9 +161,13 @@ def layers(
     thinned = tuple(_stretches(skin, s, share, names, nearest, skin_width, fat_width))
     if envelope is None:
         deep = rounded(body.difference(band(points, skin_width + fat_width)), ENVELOPE_RADIUS)
-    else:
-        deep = polygon(envelope)
-    return Layers(curve_around(inner), curve_around(deep), thinned)
+    return Layers(thickness, curve_around(inner), curve_around(deep), thinned, widened)
+
+
+def _closed(area: shapely.Geometry) -> shapely.Polygon:
+    """Return one area without narrow notches, as between muscles and a bone beside them."""
+    closed = area.buffer(NOTCH).buffer(-NOTCH)
+    return rounded(shapely.union_all([closed, area]), ENVELOPE_RADIUS)
 
 
 def _gently(width: Array) -> Array:

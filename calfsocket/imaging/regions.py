@@ -18,7 +18,7 @@ from calfsocket.imaging.section import Section
 from calfsocket.imaging.shapes import band, curve_around, curve_of, largest, polygon, rounded
 from calfsocket.imaging.smooth_map import SmoothMap
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.curves import Array, ClosedCurve, Point
+from calfsocket.meshes.curves import Point
 from calfsocket.meshes.limb import Limb, Region
 
 #: Smallest radius of the corners of a belly, mm (1.2 in the reference calf), and of a marrow cavity.
@@ -74,7 +74,7 @@ class Regions:
 
     def __post_init__(self) -> None:
         self._bodies = {name: polygon(ring) for name, ring in self.bones.items()}
-        self._envelope = polygon(Ring.of(self.layers.envelope))
+        self._envelope = polygon(self.layers.envelope_ring)
         self._inner = polygon(Ring.of(self.layers.skin_inner))
         self._extra: dict[str, tuple[str, bool]] = {}
         self._given = self._given_bodies()
@@ -84,7 +84,7 @@ class Regions:
         outlines, atlas = self.section.outlines, self.atlas
         self._measured(atlas.skin, outlines.skin)
         self.curves[atlas.fat.outer] = self.section.points(self.layers.skin_inner)
-        self.origin[atlas.fat.name] = Provenance("atlas")
+        self.origin[atlas.fat.name] = Provenance("atlas")  # its outer curve is the skin's inner one
         self._fill_bones()
         in_fat = self._fill_veins()
         self._fill_envelope(in_fat)
@@ -182,7 +182,9 @@ class Regions:
             self.curves[hole] = tuple((float(x), float(y)) for x, y in points)
             return
         moved = polygon(Ring(affine(self.found, bone)(self.atlas.rings[hole].points)))
-        within = rounded(moved.intersection(self._bodies[bone].buffer(-LEAST_CORTEX)), CAVITY_RADIUS)
+        within = rounded(
+            moved.intersection(self._bodies[bone].buffer(-LEAST_CORTEX)), CAVITY_RADIUS
+        )
         if within.area < SMALLEST_AREA:
             raise InputError(
                 f"{bone}: has no room for a marrow cavity, where the limb is fixed; correct the"
@@ -204,7 +206,9 @@ class Regions:
             if name in self._given:
                 body = self._fill_given(region)
             else:
-                wanted = inlays.carried(self.atlas.ring(name), self.smooth)
+                wanted = inlays.below_skin(
+                    self.atlas.ring(name), self.atlas, self.found, self.layers.thickness
+                )
                 body = inlays.in_fat(wanted, self._inner, shapely.union_all(hard))
                 if body is None:
                     self.warnings.append(f"{name} is left out: the fat is too thin for it")
@@ -225,7 +229,14 @@ class Regions:
         region, outline = self.atlas.fascia, self.section.outlines.muscle_envelope
         if outline is not None:
             self._measured(region, outline)
-            self.origin[self.atlas.fat.name] = Provenance("measured", outline.deviation_mm)
+            away = outline.deviation_mm + self.layers.widened
+            if self.layers.widened > 0:
+                self.curves[region.outer] = self.section.points(self.layers.envelope)
+                self.warnings.append(
+                    f"the muscles' envelope was widened by up to {self.layers.widened:.1f} mm to"
+                    " have the bones in it"
+                )
+            self.origin[region.name] = Provenance(self.origin[region.name].origin, away)
             return
         dents = shapely.union_all([vein.buffer(IN_FAT) for vein in veins.values()])
         if dents.intersects(self._envelope):
@@ -242,9 +253,7 @@ class Regions:
             if body is not None:
                 found[name] = body
         fixed = dict(self._given)
-        wanted = {
-            name: inlays.carried(self.atlas.ring(name), self.smooth) for name in regions
-        }
+        wanted = {name: inlays.carried(self.atlas.ring(name), self.smooth) for name in regions}
         for name, body in inlays.apart(wanted, self._envelope, self._bodies, fixed).items():
             if body.area < 0.99 * wanted[name].area:
                 self.warnings.append(
@@ -296,7 +305,7 @@ class Regions:
 
     def _belly(self, compartment: Compartment) -> shapely.Geometry:
         edge = self.smooth(compartment.edge)
-        walls = dict(self.bones) | {self.atlas.fascia.name: Ring.of(self.layers.envelope)}
+        walls = dict(self.bones) | {self.atlas.fascia.name: self.layers.envelope_ring}
         on = np.array(compartment.on)
         for name, wall in walls.items():
             touching = on == name
