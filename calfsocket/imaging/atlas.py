@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from calfsocket.imaging.aligned import AlignedSection
 from calfsocket.imaging.correspondence import (
     Correspondence,
     around_bones,
@@ -16,8 +17,7 @@ from calfsocket.imaging.correspondence import (
 from calfsocket.imaging.layers import Fat, Thinned, layers
 from calfsocket.imaging.outlines import SectionOutlines
 from calfsocket.imaging.reference import Reference
-from calfsocket.imaging.regions import Provenance, Regions
-from calfsocket.imaging.section import Section
+from calfsocket.imaging.regions import RegionOrigin, Regions
 from calfsocket.imaging.shapes import polygon
 from calfsocket.imaging.thickness import Thickness, thickness
 from calfsocket.meshes.curves import Array
@@ -40,7 +40,7 @@ class AtlasLimb:
         By how much the map shrinks and enlarges areas where it is used.
     steps : int
         Of which the map is composed.
-    origin : mapping of str to Provenance
+    origin : mapping of str to RegionOrigin
         By region.
     thinned : tuple of str
         Places where skin and fascia are thinner than in the atlas for want of room, in words.
@@ -52,7 +52,7 @@ class AtlasLimb:
     smallest_determinant: float
     largest_determinant: float
     steps: int
-    origin: Mapping[str, Provenance]
+    origin: Mapping[str, RegionOrigin]
     thinned: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -97,7 +97,7 @@ def carried(
         In one line with the place, where outlines contradict each other or leave no room.
     """
     atlas = Reference.calf() if reference is None else Reference.of(reference)
-    section = Section.of(outlines)
+    section = AlignedSection.of(outlines)
     warnings = []
     bones = {name: section.rings[name] for name in outlines.bones}
     if not bones:
@@ -144,7 +144,7 @@ def _fat(atlas: Reference, found: Correspondence, s: Array, mean: float | None) 
     return Fat(scale * (depth - atlas.skin_thickness), bare**2 * (3 - 2 * bare), fascia)
 
 
-def _words(thinned: Thinned, section: Section) -> str:
+def _words(thinned: Thinned, section: AlignedSection) -> str:
     return (
         f"over the {thinned.over} at {section.at(thinned.place)}, for {thinned.length:.0f} mm:"
         f" skin {thinned.skin:.2f} mm, fat {thinned.fat:.2f} mm"

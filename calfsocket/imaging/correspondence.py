@@ -1,7 +1,7 @@
 """Which point of the atlas is which point of the section, and the smooth map that follows."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -9,7 +9,7 @@ import shapely
 from calfsocket.imaging.landmarks import Ring, in_order, slid, turned
 from calfsocket.imaging.reference import Reference
 from calfsocket.imaging.shapes import polygon
-from calfsocket.imaging.smooth_map import SmoothMap, ThinPlate, fitted
+from calfsocket.imaging.smooth_map import SmoothMap, ThinPlate, best_affine, fitted
 from calfsocket.meshes.curves import Array
 
 #: Numbers of corresponding points on the skin and around the muscles, and on the bones.
@@ -98,8 +98,8 @@ def with_layers(
 ) -> Correspondence:
     """Add points of the other outer curve, and of bellies that the source has.
 
-    Points of skin and envelope face each other as they do in the atlas. Those of envelope, bones and
-    bellies slide once more, without the skin: how thick the fat is says nothing of the muscles.
+    Points of skin and envelope face each other as they do in the atlas. Those of envelope, bones
+    and bellies slide once more, without the skin: how thick the fat is says nothing of the muscles.
     """
     rings = {"skin": skin, "envelope": envelope, **found.rings}
     reference = _outer(atlas)
@@ -145,20 +145,13 @@ def _carried(s: Array, here: Array, ring: Ring, there: Array, other: Ring) -> Ar
     return np.mod(np.interp(np.mod(s, ring.length), x, y), other.length)
 
 
-def affine(found: Correspondence, name: str) -> SmoothMap:
-    """Return the affine map that takes the points on one curve nearest to theirs."""
-    source = np.column_stack([found.source[name], np.ones(len(found.source[name]))])
-    solution = np.linalg.lstsq(source, found.target[name], rcond=None)[0]
-    return SmoothMap(solution[:2].T, solution[2])
-
-
 def smooth_map(
     found: Correspondence, atlas: Reference, at: Callable[[Array], str]
 ) -> tuple[SmoothMap, Array]:
     """Return the map of all that lies within the envelope, and its determinants at points of it.
 
-    These are `SAMPLE_STEP` apart all over the atlas's envelope, and on all curves in it. Skin and fat
-    are layers of their own and not mapped: thick fat does not stretch the muscles.
+    These are `SAMPLE_STEP` apart all over the atlas's envelope, and on all curves in it. Skin and
+    fat are layers of their own and not mapped: thick fat does not stretch the muscles.
     """
     deep = [name for name in found.source if name != "skin"]
     target = found.target
@@ -205,16 +198,14 @@ def bones_by_skin(atlas: Reference, skin: Ring, landmarks: dict[str, float]) -> 
     if landmarks:
         here = landmark_angles(atlas)
         known = sorted((here[name], _wrap(landmarks[name] - here[name])) for name in landmarks)
-        turn = np.deg2rad(np.interp(angle, *np.array(known).T, period=360.0))
+        turn = np.deg2rad(
+            np.interp(angle, [x for x, _ in known], [y for _, y in known], period=360.0)
+        )
     target = skin.at(skin.by_angle(points, own.centroid, turn))
-    base = np.column_stack([points, np.ones(len(points))])
-    linear = np.linalg.lstsq(base, target, rcond=None)[0]
-    bending = ThinPlate(base @ linear, target - base @ linear, np.full(len(points), SKIN_SLACK))
-
-    def carry(x: Array) -> Array:
-        moved = np.column_stack([x, np.ones(len(x))]) @ linear
-        return moved + bending.at(moved)[0]
-
+    affine = best_affine(points, target)
+    start = affine(points)
+    bending = ThinPlate(start, target - start, np.full(len(points), SKIN_SLACK))
+    carry = replace(affine, steps=(bending,))
     found = {}
     edge, new_edge = polygon(own).exterior, polygon(skin).exterior
     for name in atlas.bones:

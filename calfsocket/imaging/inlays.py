@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 from shapely.affinity import affine_transform
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.correspondence import Correspondence
 from calfsocket.imaging.landmarks import Ring
@@ -107,7 +108,7 @@ def _push(body: shapely.Polygon, other: shapely.Polygon) -> Array:
     return 0.3 * away / length if length > 0 else np.array([0.3, 0.0])
 
 
-def _center(body: shapely.Polygon) -> Array:
+def _center(body: BaseGeometry) -> Array:
     return np.array(body.centroid.coords[0])
 
 
@@ -119,7 +120,7 @@ def _moved(body: shapely.Polygon, by: Array, scale: float = 1.0) -> shapely.Poly
 
 
 def in_fat(
-    vein: shapely.Polygon, inner: shapely.Polygon, envelope: shapely.Polygon | None
+    vein: shapely.Polygon, inner: shapely.Polygon, envelope: BaseGeometry | None
 ) -> shapely.Polygon | None:
     """Return a vein moved, and made smaller if it must be, to lie in the fat.
 
@@ -129,7 +130,7 @@ def in_fat(
         Where the map takes it.
     inner : Polygon
         What lies below the skin.
-    envelope : Polygon, optional
+    envelope : BaseGeometry, optional
         What the vein may not touch: muscles, where they have been measured, or bones.
 
     Returns

@@ -76,7 +76,7 @@ class Ring:
         """Return so many arc lengths, evenly spaced, mm."""
         return self.length * np.arange(number) / number
 
-    def by_angle(self, points: Array, center: Array, turn: float) -> Array:
+    def by_angle(self, points: Array, center: Array, turn: float | Array) -> Array:
         """Return arc lengths where the ring lies in the directions of points from their centre.
 
         The directions are turned by `turn`, rad, first and count from this ring's centroid.
@@ -127,8 +127,8 @@ def slid(
 ) -> dict[str, Array]:
     """Slide points along curves until the thin plate from the source bends as little as possible.
 
-    Semilandmarks [1]_: where a point of the skin comes is decided by the bones and the other points,
-    not by an angle about some centre. Neighbours keep their order.
+    Semilandmarks [1]_: where a point of the skin comes is decided by the bones and the other
+    points, not by an angle about some centre. Neighbours keep their order.
 
     Parameters
     ----------

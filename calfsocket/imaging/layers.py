@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.landmarks import Ring
 from calfsocket.imaging.shapes import band, curve_around, polygon, rounded
@@ -18,8 +19,8 @@ from calfsocket.meshes.curves import Array, ClosedCurve
 LEAST_FAT = 0.6
 #: The smallest factor: fat is then 0.15 mm thick, and curves must be 0.1 mm apart.
 LEAST_SHARE = 0.25
-#: Fascia between the envelope and a bone under the skin, mm: as over the atlas's tibia, whose crural
-#: fascia is there one with the periosteum.
+#: Fascia between the envelope and a bone under the skin, mm: as over the atlas's tibia, where
+#: the crural fascia is one with the periosteum.
 OVER_BONE = 0.6
 #: Half the width of notches between the muscles of a source and a bone beside them, mm, that belong
 #: to the fascia.
@@ -132,9 +133,9 @@ def layers(
     if envelope is not None:
         muscles = polygon(envelope)
         cover = [polygon(ring).buffer(OVER_BONE) for ring in bones.values()]
-        deep = shapely.union_all([muscles, *cover])
-        if deep.difference(muscles).area > 0:
-            deep = _closed(deep)
+        deep = muscles
+        if not all(muscles.contains(each) for each in cover):
+            deep = _closed(shapely.union_all([muscles, *cover]))
             widened = float(shapely.hausdorff_distance(muscles, deep))
         below, under = {"muscles": shapely.get_coordinates(deep.exterior)[:-1]}, 0.0
     room = np.array([shapely.distance(shapely.points(points), shapely.LinearRing(each))
@@ -164,7 +165,7 @@ def layers(
     return Layers(thickness, curve_around(inner), curve_around(deep), thinned, widened)
 
 
-def _closed(area: shapely.Geometry) -> shapely.Polygon:
+def _closed(area: BaseGeometry) -> shapely.Polygon:
     """Return one area without narrow notches, as between muscles and a bone beside them."""
     closed = area.buffer(NOTCH).buffer(-NOTCH)
     return rounded(shapely.union_all([closed, area]), ENVELOPE_RADIUS)

@@ -6,9 +6,10 @@ from functools import cache, cached_property
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.landmarks import Ring
-from calfsocket.imaging.shapes import largest, polygon
+from calfsocket.imaging.shapes import largest, outside, polygon
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.limb import Limb, Region, limb_curves
 
@@ -102,7 +103,7 @@ class Reference:
         """Mean distance between the faces of the skin, mm."""
         inner = self.rings[self.fat.outer].points
         face = shapely.LinearRing(self.skin_ring.points)
-        return float(shapely.distance(shapely.points(inner), face).mean())
+        return float(np.mean(shapely.distance(shapely.points(inner), face)))
 
     @cached_property
     def fat_thickness(self) -> float:
@@ -118,7 +119,7 @@ class Reference:
         """Return the distance of the nearest bone from places on the skin, mm."""
         points = shapely.points(self.skin_ring.at(s))
         rings = [shapely.LinearRing(self.ring(name).points) for name in self.bones]
-        return np.asarray(np.min([shapely.distance(points, ring) for ring in rings], axis=0))
+        return np.min([np.asarray(shapely.distance(points, ring)) for ring in rings], axis=0)
 
     def without(self, bone: str) -> "Reference":
         """Return the same limb where a bone has ended: the bellies around it fill its place."""
@@ -139,7 +140,7 @@ class Reference:
             owners += [name] * len(sites[-1])
         points = np.concatenate(sites)
         walls = {name: self.ring(name) for name in self.bones} | {self.fascia.name: self.envelope}
-        room = polygon(self.envelope)
+        room: BaseGeometry = polygon(self.envelope)
         for name in self.bones:
             room = room.difference(polygon(self.ring(name)))
         filled = shapely.union_all([polygon(ring).buffer(SHEATH) for ring in self.absent])
@@ -155,9 +156,9 @@ class Reference:
 
 
 def _compartment(
-    whole: shapely.Polygon, belly: Ring, walls: dict[str, Ring], filled: shapely.Geometry
+    whole: shapely.Polygon, belly: Ring, walls: dict[str, Ring], filled: BaseGeometry
 ) -> Compartment:
-    ring = Ring(shapely.get_coordinates(shapely.orient_polygons(whole).exterior)[:-1])
+    ring = Ring(outside(whole))
     edge = ring.at(ring.even(int(ring.length / _EDGE)))
     on = np.full(len(edge), "", dtype=object)
     for name, wall in walls.items():

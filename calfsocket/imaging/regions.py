@@ -2,26 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging import inlays
-from calfsocket.imaging.correspondence import Correspondence, affine
+from calfsocket.imaging.aligned import AlignedSection
+from calfsocket.imaging.correspondence import Correspondence
 from calfsocket.imaging.inlays import CLEARANCE, IN_FAT
 from calfsocket.imaging.landmarks import Ring
 from calfsocket.imaging.layers import ENVELOPE_RADIUS, Layers
 from calfsocket.imaging.outlines import Outline
 from calfsocket.imaging.reference import Compartment, Reference
-from calfsocket.imaging.section import Section
 from calfsocket.imaging.shapes import band, curve_around, curve_of, largest, polygon, rounded
-from calfsocket.imaging.smooth_map import SmoothMap
+from calfsocket.imaging.smooth_map import SmoothMap, best_affine
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Point
-from calfsocket.meshes.limb import Limb, Region
+from calfsocket.meshes.limb import Limb, Origin, Region
 
-#: Smallest radius of the corners of a belly, mm (1.2 in the reference calf), and of a marrow cavity.
+#: Smallest radius, mm, of the corners of a belly (1.2 in the calf) and of a marrow cavity.
 BELLY_RADIUS, CAVITY_RADIUS = 1.0, 1.0
 #: Areas, mm^2, and widths, mm, below which a region is not meshed.
 SMALLEST_AREA, SMALLEST_WIDTH = 1.0, 0.5
@@ -34,11 +35,9 @@ LEAST_CORTEX = 1.2
 #: What is lost of a belly between its neighbours is told from this share on.
 LOST = 0.05
 
-Origin = Literal["measured", "atlas", "assumed"]
-
 
 @dataclass(frozen=True)
-class Provenance:
+class RegionOrigin:
     """Where a region's outer curve comes from, and how far the source's points are from it, mm."""
 
     origin: Origin
@@ -56,20 +55,20 @@ class Regions:
         points from which it was made.
     curves : dict
         Points of the curves in the section's axes, by name.
-    origin : dict of str to Provenance
+    origin : dict of str to RegionOrigin
         By region.
     warnings : list of str
         What was changed or left out.
     """
 
     atlas: Reference
-    section: Section
+    section: AlignedSection
     bones: Mapping[str, Ring]
     layers: Layers
     smooth: SmoothMap
     found: Correspondence
     curves: dict[str, tuple[Point, ...]] = field(default_factory=dict)
-    origin: dict[str, Provenance] = field(default_factory=dict)
+    origin: dict[str, RegionOrigin] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -84,7 +83,9 @@ class Regions:
         outlines, atlas = self.section.outlines, self.atlas
         self._measured(atlas.skin, outlines.skin)
         self.curves[atlas.fat.outer] = self.section.points(self.layers.skin_inner)
-        self.origin[atlas.fat.name] = Provenance("atlas")  # its outer curve is the skin's inner one
+        self.origin[atlas.fat.name] = RegionOrigin(
+            "atlas"
+        )  # its outer curve is the skin's inner one
         self._fill_bones()
         in_fat = self._fill_veins()
         self._fill_envelope(in_fat)
@@ -109,7 +110,7 @@ class Regions:
                 self._extra[name] = tissue, deep
         found = {}
         for name, body in given.items():
-            free = body
+            free: BaseGeometry = body
             if self._envelope.contains(body.centroid):
                 free = free.intersection(self._envelope.buffer(-OVER_BELLY))
             else:
@@ -129,7 +130,7 @@ class Regions:
         points = curve.evaluate(curve.knots[:-1])
         self.curves[region.outer] = tuple((float(x), float(y)) for x, y in points)
         origin: Origin = "measured" if outline.origin == "measured" else "assumed"
-        self.origin[region.name] = Provenance(origin, outline.deviation_mm)
+        self.origin[region.name] = RegionOrigin(origin, outline.deviation_mm)
 
     def _fill_given(self, region: Region) -> shapely.Polygon | None:
         """Take a further region of the source, as it is or cut back, and return its area."""
@@ -139,13 +140,13 @@ class Regions:
             self._measured(region, outline)
             return body
         body = rounded(body, BELLY_RADIUS if region.tissue == "muscle" else SMALLEST_WIDTH)
-        if not self._fill_area(region, body, Provenance("measured")):
+        if not self._fill_area(region, body, RegionOrigin("measured")):
             return None
         away = outline.deviation_mm + float(original.hausdorff_distance(body))
-        self.origin[region.name] = Provenance("measured", away)
+        self.origin[region.name] = RegionOrigin("measured", away)
         return body
 
-    def _fill_area(self, region: Region, body: shapely.Polygon, origin: Provenance) -> bool:
+    def _fill_area(self, region: Region, body: shapely.Polygon, origin: RegionOrigin) -> bool:
         """Take an area as a region, if it can be meshed."""
         if body.area < SMALLEST_AREA or body.buffer(-SMALLEST_WIDTH / 2).is_empty:
             self.warnings.append(
@@ -168,7 +169,7 @@ class Regions:
             else:
                 curve = curve_around(self._bodies[name])
                 self.curves[region.outer] = self.section.points(curve)
-                self.origin[name] = Provenance("assumed")
+                self.origin[name] = RegionOrigin("assumed")
             for hole in region.holes:
                 self._fill_cavity(name, hole)
         for name in outlines.cavities:
@@ -181,7 +182,8 @@ class Regions:
             points = curve.evaluate(curve.knots[:-1])
             self.curves[hole] = tuple((float(x), float(y)) for x, y in points)
             return
-        moved = polygon(Ring(affine(self.found, bone)(self.atlas.rings[hole].points)))
+        affine = best_affine(self.found.source[bone], self.found.target[bone])
+        moved = polygon(Ring(affine(self.atlas.rings[hole].points)))
         within = rounded(
             moved.intersection(self._bodies[bone].buffer(-LEAST_CORTEX)), CAVITY_RADIUS
         )
@@ -218,7 +220,7 @@ class Regions:
                         f"{name} has {body.area:.1f} mm^2 instead of {wanted.area:.1f}: the fat is"
                         " thin"
                     )
-                if not self._fill_area(region, body, Provenance("atlas")):
+                if not self._fill_area(region, body, RegionOrigin("atlas")):
                     body = None
             if body is not None:
                 found[name] = body
@@ -236,13 +238,13 @@ class Regions:
                     f"the muscles' envelope was widened by up to {self.layers.widened:.1f} mm to"
                     " have the bones in it"
                 )
-            self.origin[region.name] = Provenance(self.origin[region.name].origin, away)
+            self.origin[region.name] = RegionOrigin(self.origin[region.name].origin, away)
             return
         dents = shapely.union_all([vein.buffer(IN_FAT) for vein in veins.values()])
         if dents.intersects(self._envelope):
             self._envelope = rounded(self._envelope.difference(dents), ENVELOPE_RADIUS)
         self.curves[region.outer] = self.section.points(curve_around(self._envelope))
-        self.origin[region.name] = Provenance("atlas")
+        self.origin[region.name] = RegionOrigin("atlas")
 
     def _fill_inlays(self) -> dict[str, shapely.Polygon]:
         """Place vessels and tendons between the bellies."""
@@ -260,7 +262,7 @@ class Regions:
                     f"{name} has {body.area:.1f} mm^2 instead of {wanted[name].area:.1f}: there is"
                     " little room"
                 )
-            if self._fill_area(regions.pop(name), body, Provenance("atlas")):
+            if self._fill_area(regions.pop(name), body, RegionOrigin("atlas")):
                 found[name] = body
         for name in regions:
             self.warnings.append(f"{name} is left out: there is no room for it")
@@ -296,14 +298,14 @@ class Regions:
         for name, region in regions.items():
             whole = self._belly(self.atlas.compartments[name]).intersection(room)
             body = rounded(_without_holes(whole), BELLY_RADIUS)
-            if self._fill_area(region, body, Provenance("atlas")):
+            if self._fill_area(region, body, RegionOrigin("atlas")):
                 lost = 1 - body.area / whole.area
                 if lost > LOST:
                     self.warnings.append(
                         f"{name} is narrow in places: {lost:.0%} of it is left to the fascia"
                     )
 
-    def _belly(self, compartment: Compartment) -> shapely.Geometry:
+    def _belly(self, compartment: Compartment) -> BaseGeometry:
         edge = self.smooth(compartment.edge)
         walls = dict(self.bones) | {self.atlas.fascia.name: self.layers.envelope_ring}
         on = np.array(compartment.on)
@@ -333,7 +335,7 @@ class Regions:
                       if parent is region and name in self.curves]  # fmt: skip
             regions.append(
                 {"id": region.id, "name": region.name, "tissue": region.tissue,
-                 "outer": region.outer, "holes": holes}
+                 "outer": region.outer, "holes": holes, **vars(self.origin[region.name])}
             )  # fmt: skip
         frame = outlines.frame
         content: dict[str, Any] = {
@@ -352,7 +354,7 @@ class Regions:
         return Limb.model_validate(content)
 
 
-def _without_holes(area: shapely.Geometry) -> shapely.Geometry:
+def _without_holes(area: BaseGeometry) -> shapely.Polygon:
     """Cut an area open from each hole to the nearest place outside, so that it has none."""
     main = largest(area)
     for hole in main.interiors:

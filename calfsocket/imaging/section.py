@@ -1,105 +1,266 @@
-"""A section of a limb turned into the axes of the atlas."""
+"""A section of a source: its outlines as smooth curves in the anatomical frame."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
-from calfsocket.imaging.landmarks import Ring
-from calfsocket.imaging.outlines import SectionOutlines
+from calfsocket.imaging.anatomy import Anatomy
+from calfsocket.imaging.outlines import Outline, SectionOutlines
+from calfsocket.imaging.plane import Cut, Level, Plane, cut
+from calfsocket.imaging.source import Source
+from calfsocket.imaging.surface import Shell
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.curves import Array, ClosedCurve, Point
+from calfsocket.meshes import curves
+from calfsocket.meshes.curves import Array, xy
+from calfsocket.meshes.fairing import FEWEST, fair
 from calfsocket.meshes.frame import Frame
-from calfsocket.meshes.limb import FIBULA
 
-_AXES = (1, 0), (0, 1), (-1, 0), (0, -1)
+#: A second part of a bone or of the skin with more than this share of the area of the first is no
+#: debris.
+_SECOND_PART = 0.05
+#: A hole in a bone with more than this share of its area is its marrow cavity.
+_CAVITY = 0.1
+#: A bone with a smaller area than this, mm^2, ends there: elements of it would be a handful.
+_TIP = 20.0
+#: Distance of the points, mm, by which outlines with few vertices are followed.
+_STEP = 0.5
 
 
 @dataclass(frozen=True)
 class Section:
-    """Outlines of a section with +x lateral and +y anterior, as of a right leg from above.
+    """A section of a source.
 
     Attributes
     ----------
     outlines : SectionOutlines
-        As given.
-    matrix : Array
-        From their axes to lateral and anterior, (2, 2).
-    rings : dict of str to Ring
-        ``skin``, bones by name, ``envelope``, further regions by name, ``cavity`` of the tibia.
+        What it consists of.
+    data : mapping of str to Array
+        The outlines as the source has them, mm, in the section's axes, by name.
+    plane : Plane
+        Where it lies; its origin is that of the outlines.
+    level : Level or None
+        Along the limb; None where a plane was given.
+    height : float
+        Share of the source's height from its distal end.
+    tolerance : float
+        Largest distance of the curves from the data, mm.
+    remarks : sequence of str
+        How it was found, and what was left out.
     """
 
     outlines: SectionOutlines
-    matrix: Array
-    rings: dict[str, Ring]
+    data: Mapping[str, Array]
+    plane: Plane
+    level: Level | None
+    height: float
+    tolerance: float
+    remarks: Sequence[str]
 
-    @classmethod
-    def of(cls, outlines: SectionOutlines) -> "Section":
-        """Turn outlines into the atlas's axes.
 
-        Raises
-        ------
-        InputError
-            When axes are not known, or bones are not those of a calf, or not where theirs are.
-        """
-        frame = outlines.frame
-        if not frame.known:
+def section(
+    source: Source,
+    anatomy: Anatomy,
+    level: Level | None,
+    plane: tuple[Array, Array] | None = None,
+    tolerance: float | None = None,
+) -> Section:
+    """Cut a source.
+
+    Parameters
+    ----------
+    level
+        Where along the limb, square to its axis.
+    plane
+        A point of the plane, mm in the source's axes, and its normal, instead of a level.
+    tolerance
+        Largest distance of the curves from the data, mm; default: the source's.
+
+    Raises
+    ------
+    InputError
+        When the outline of a part is open there, in several parts, or not where it must be.
+    """
+    tolerance = source.tolerance if tolerance is None else tolerance
+    if not 0 < tolerance <= _MOST_TOLERANCE:
+        raise InputError(
+            f"tolerance: is {tolerance:g} mm; it must be more than 0, at most {_MOST_TOLERANCE:g}"
+        )
+    where, height = _place(source, anatomy, level, plane)
+    at = f"{source.names}, level {level}" if level else f"{source.names}, the plane"
+    skin = _body(_cut(source.skin, where, at, "skin"), at, "skin")
+    if skin is None:
+        raise InputError(f"{at}: does not meet the skin; choose a level inside the limb")
+    bodies: dict[str, shapely.Polygon] = {}
+    bones: list[str] = []
+    cavities: dict[str, shapely.Polygon] = {}
+    remarks: list[str] = []
+    for name, shell in source.bones.items():
+        body = _body(_cut(shell, where, at, name), at, name)
+        if body is None:
+            continue
+        if body.area < _TIP:
+            remarks.append(f"{name}: its tip of {body.area:.0f} mm2 is left out")
+            continue
+        bones.append(name)
+        bodies[name] = shapely.Polygon(body.exterior)
+        holes = sorted((shapely.Polygon(hole) for hole in body.interiors), key=lambda h: -h.area)
+        if name in source.cavities:
+            inner = _body(_cut(source.cavities[name], where, at, f"cavity of {name}"), at, name)
+            holes = [shapely.Polygon(inner.exterior)] if inner else []
+        if holes and holes[0].area > _CAVITY * bodies[name].area:
+            cavities[name] = holes[0]
+    _check_bones(source, anatomy, at, bones)
+    regions = {}
+    for name, (tissue, shell) in source.regions.items():
+        body = _body(_cut(shell, where, at, name), at, name)
+        if body is not None:
+            regions[name] = (tissue, shapely.Polygon(body.exterior))
+    muscle = None
+    if source.muscle is not None:
+        muscle = _body(_cut(source.muscle, where, at, "muscle"), at, "muscle")
+    whole = shapely.Polygon(skin.exterior)
+    for name, body in bodies.items():
+        if not whole.contains(body):
+            out = np.array(body.difference(whole).centroid.coords[0])
             raise InputError(
-                "the section has no axes, and the atlas needs to know what is lateral and anterior;"
-                " give the axes, or the side"
+                f"{at}: {name} leaves the skin by {body.hausdorff_distance(body & whole):.2g} mm"
+                f" near {xy(out - _centroid(whole))}; correct the surfaces, or choose another level"
             )
-        names = set(outlines.bones)
-        if names and (names - {"tibia", "fibula"} or "tibia" not in names):
-            raise InputError(
-                f"the section has {' and '.join(sorted(names))}, and the atlas is a calf with tibia"
-                " and fibula; choose a level between knee and ankle, or tissues lumped"
-            )
-        matrix = _to_atlas(frame)
-        every = {"skin": outlines.skin, **outlines.bones}
-        every |= {name: outline for name, (_, outline) in outlines.regions.items()}
-        if outlines.muscle_envelope:
-            every["envelope"] = outlines.muscle_envelope
-        if "tibia" in outlines.cavities:
-            every["cavity"] = outlines.cavities["tibia"]
-        rings = {name: _turned(each.curve, matrix) for name, each in every.items()}
-        found = cls(outlines, matrix, rings)
-        found._check_fibula()
-        return found
+    centre = _centroid(whole)
+    data: dict[str, Array] = {}
 
-    def _check_fibula(self) -> None:
-        if "fibula" not in self.rings:
-            return
-        x, y = self.rings["fibula"].centroid - self.rings["tibia"].centroid
-        angle = np.rad2deg(np.arctan2(y, x)) % 360
-        if FIBULA[0] > angle > FIBULA[1]:
-            where = Frame("lateral", "anterior").direction(x, y)
-            raise InputError(
-                f"the fibula lies {where} of the tibia, but in every leg it is lateral and further"
-                " back; correct side or axes, or which bone is which"
-            )
+    def outline(name: str, body: shapely.Polygon) -> Outline:
+        points = _counter_clockwise(body) - centre
+        data[name] = points
+        return smooth_outline(points, tolerance, f"{at}, {name}")
 
-    @property
-    def skin(self) -> Ring:
-        """Its surface."""
-        return self.rings["skin"]
-
-    def at(self, point: Array) -> str:
-        """Return words for a place that is given in the atlas's axes."""
-        return self.outlines.frame.at(self.matrix.T @ point)
-
-    def points(self, curve: ClosedCurve) -> tuple[Point, ...]:
-        """Return the points of a spline, given in the atlas's axes, in the section's own."""
-        points = curve.evaluate(curve.knots[:-1]) @ self.matrix
-        if np.linalg.det(self.matrix) < 0:
-            points = points[::-1]
-        return tuple((round(float(x), 5), round(float(y), 5)) for x, y in points)
+    front = "anterior" if anatomy.anterior is not None else None
+    lateral = {"right": "lateral", "left": "medial", None: None}[anatomy.side]
+    outlines = SectionOutlines(
+        skin=outline("skin", whole),
+        bones={name: outline(name, bodies[name]) for name in bones},
+        cavities={name: outline(f"cavity of {name}", body) for name, body in cavities.items()},
+        muscle_envelope=outline("muscle", shapely.Polygon(muscle.exterior)) if muscle else None,
+        regions={name: (tissue, outline(name, body)) for name, (tissue, body) in regions.items()},
+        frame=Frame(lateral, front) if front and lateral else Frame(),  # type: ignore[arg-type]
+        side=anatomy.side,
+    )
+    shifted = Plane(where.origin + centre[0] * where.x + centre[1] * where.y, where.x, where.y)
+    return Section(
+        outlines,
+        data,
+        shifted,
+        level,
+        height,
+        tolerance,
+        (*source.remarks, *anatomy.found, *remarks),
+    )
 
 
-def _to_atlas(frame: Frame) -> Array:
-    """Return the matrix from the axes of a frame to lateral and anterior."""
-    rows = [_AXES[frame.words.index(wanted)] for wanted in ("lateral", "anterior")]
-    return np.array(rows, dtype=float)
+#: mm. A curve further away from the data than this shows another limb.
+_MOST_TOLERANCE = 5.0
 
 
-def _turned(curve: ClosedCurve, matrix: Array) -> Ring:
-    points = Ring.of(curve).points @ matrix.T
-    return Ring(points if np.linalg.det(matrix) > 0 else points[::-1])
+def _place(
+    source: Source, anatomy: Anatomy, level: Level | None, plane: tuple[Array, Array] | None
+) -> tuple[Plane, float]:
+    """Return the plane of a section and its share of the height."""
+    low, high = anatomy.low, anatomy.high
+    if plane is None:
+        assert level is not None
+        height = level.height(low, high)
+        return anatomy.plane(height), (height - low) / (high - low)
+    origin, normal = plane
+    normal = normal / np.linalg.norm(normal)
+    if abs(normal @ anatomy.axis) < _STEEPEST:
+        raise InputError(
+            f"{source.names}, plane: lies along the limb, not across it; its normal is"
+            f" {np.degrees(np.arccos(abs(normal @ anatomy.axis))):.0f} degrees from the axis"
+        )
+    normal = normal * np.sign(normal @ anatomy.axis)
+    share = ((origin - anatomy.centre) @ anatomy.axis - low) / (high - low)
+    return Plane.square_to(normal, origin, anatomy.anterior), float(share)
+
+
+#: Cosine of the largest angle between the normal of a section and the limb's axis: 45 degrees.
+_STEEPEST = 0.7
+
+
+def _cut(shell: Shell, plane: Plane, at: str, name: str) -> Cut:
+    found = cut(shell.surface, plane)
+    if found.gap:
+        assert found.place is not None
+        raise InputError(
+            f"{at}: the outline of {name} is open by {found.gap:.3g} mm near"
+            f" {xyz(plane, found.place)} (a hole or the rim of the surface); choose a level where"
+            " it is closed, or close it"
+        )
+    return found
+
+
+def xyz(plane: Plane, flat: Array) -> str:
+    """Return a place of a plane in the source's axes for messages."""
+    x, y, z = np.round(plane.origin + flat[0] * plane.x + flat[1] * plane.y, 1) + 0.0
+    return f"({x:g}, {y:g}, {z:g}) mm"
+
+
+def _body(found: Cut, at: str, name: str) -> shapely.Polygon | None:
+    """Return the one body that a part must be; None where it is not met."""
+    if not found.bodies:
+        return None
+    first, *others = found.bodies
+    second = [other for other in others if other.area > _SECOND_PART * first.area]
+    if second:
+        areas = ", ".join(f"{each.area:.0f}" for each in (first, *second))
+        raise InputError(
+            f"{at}: {name} is in {len(second) + 1} parts there ({areas} mm2); choose a level where"
+            " it is in one"
+        )
+    return first
+
+
+def _check_bones(source: Source, anatomy: Anatomy, at: str, bones: Sequence[str]) -> None:
+    """Raise an InputError where the source has a tibia but the level misses it."""
+    tibia = source.bones.get("tibia")
+    if tibia is None or "tibia" in bones:
+        return
+    heights = (tibia.surface.points - anatomy.centre) @ anatomy.axis
+    size = anatomy.high - anatomy.low
+    low, high = ((value - anatomy.low) / size for value in (heights.min(), heights.max()))
+    met = f", which meets {' and '.join(bones)}" if bones else ""
+    raise InputError(
+        f"{at}: lies beyond the tibia{met}; the tibia is between {low:.2f} and {high:.2f} of the"
+        " height"
+    )
+
+
+def _centroid(body: shapely.Polygon) -> Array:
+    return np.array(body.centroid.coords[0])
+
+
+def _counter_clockwise(body: shapely.Polygon) -> Array:
+    points: Array = shapely.get_coordinates(body.exterior)[:-1]
+    if not body.exterior.is_ccw:
+        points = points[::-1]
+    # Where VTK begins depends on how the surface lies: begin at the one that is furthest right.
+    return np.roll(points, -int(np.argmax(points[:, 0])), axis=0)
+
+
+def smooth_outline(points: Array, tolerance: float, at: str) -> Outline:
+    """Return the smooth curve within a tolerance, mm, of a closed polygon."""
+    ring = shapely.LinearRing(points)
+    if len(points) < FEWEST:  # of a coarse surface: its sides are what is known
+        points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
+    if len(points) < FEWEST:
+        raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
+    smooth, deviation, place = fair(points, tolerance)
+    if deviation > tolerance:
+        enough = np.ceil(20 * deviation) / 20
+        raise InputError(
+            f"{at}: a smooth curve leaves the outline by {deviation:.2f} mm at {xy(place)}, more"
+            f" than the tolerance, {tolerance:g} mm; add --tolerance {enough:g},"
+            " or smooth the surface"
+        )
+    return Outline(curves.through(smooth), deviation_mm=deviation)

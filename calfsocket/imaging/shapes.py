@@ -3,6 +3,7 @@
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.landmarks import Ring
 from calfsocket.meshes import curves
@@ -23,13 +24,13 @@ def polygon(ring: Ring) -> shapely.Polygon:
     return area if area.is_valid else largest(shapely.make_valid(area))
 
 
-def largest(area: shapely.Geometry) -> shapely.Polygon:
+def largest(area: BaseGeometry) -> shapely.Polygon:
     """Return the largest part of an area; an empty polygon where there is none."""
     parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon"]
     return max(parts, key=lambda part: part.area, default=shapely.Polygon())
 
 
-def band(points: Array, widths: Array) -> shapely.Geometry:
+def band(points: Array, widths: Array) -> BaseGeometry:
     """Return all places within the given distances of a closed line, (n, 2) and (n,), mm.
 
     From point to point the width is the larger of the two.
@@ -39,7 +40,7 @@ def band(points: Array, widths: Array) -> shapely.Geometry:
     return shapely.union_all(shapely.buffer(sides, radius, quad_segs=_SIDES))
 
 
-def rounded(area: shapely.Geometry, radius: float) -> shapely.Polygon:
+def rounded(area: BaseGeometry, radius: float) -> shapely.Polygon:
     """Return an area without spurs narrower than twice a radius, its corners rounded to it."""
     opened = area.buffer(-radius, quad_segs=_SIDES).buffer(radius, quad_segs=_SIDES)
     return largest(opened)
@@ -47,7 +48,7 @@ def rounded(area: shapely.Geometry, radius: float) -> shapely.Polygon:
 
 def curve_around(area: shapely.Polygon) -> ClosedCurve:
     """Return a smooth curve along the outer boundary of an area, with few points."""
-    ring = Ring(_outside(area))
+    ring = Ring(outside(area))
     even = ring.at(ring.even(max(int(ring.length / _STEP), 64)))
     smooth = Ring(gaussian_filter1d(even, _BLUR / _STEP, axis=0, mode="wrap"))
     number = len(even)
@@ -70,11 +71,14 @@ def curve_around(area: shapely.Polygon) -> ClosedCurve:
 
 def curve_of(body: shapely.Polygon, number: int = 24) -> ClosedCurve:
     """Return a curve through points of a small smooth area's boundary: nothing is rounded off."""
-    ring = Ring(_outside(body))
+    ring = Ring(outside(body))
     return curves.through(ring.at(ring.even(number)))
 
 
-def _outside(area: shapely.Polygon) -> Array:
-    points = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
+def outside(area: shapely.Polygon) -> Array:
+    """Return the corners of an area's outer boundary, counter-clockwise, each once, (n, 2)."""
+    points: Array = shapely.get_coordinates(area.exterior)[:-1]
+    if not area.exterior.is_ccw:
+        points = points[::-1]
     apart = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
     return np.asarray(points[apart > curves.SAME_POINT])

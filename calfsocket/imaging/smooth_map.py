@@ -52,12 +52,14 @@ class ThinPlate:
         matrix = _system(self.points)
         if self.slack is not None:
             matrix[:n, :n] += np.diag(self.slack)
-        return np.linalg.solve(matrix, np.concatenate([self.displacements, np.zeros((3, 2))]))
+        right = np.concatenate([self.displacements, np.zeros((3, 2))])
+        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
 
     def at(self, x: Array) -> tuple[Array, Array]:
         """Return displacements, mm, and their gradients at points (m, 2): (m, 2) and (m, 2, 2)."""
         n, coefficients = len(self.points), self._coefficients
-        x, points, weights = x / _UNIT, self.points / _UNIT, coefficients[: len(self.points)]
+        weights = coefficients[:n]
+        x, points = np.asarray(x / _UNIT, dtype=float), np.asarray(self.points / _UNIT, dtype=float)
         square = np.maximum(cdist(x, points, "sqeuclidean"), 1e-30)
         logarithm = np.log(square)
         value = (square * logarithm / 2) @ weights
@@ -84,7 +86,7 @@ def _system(points: Array) -> Array:
 def bending_energy(points: Array) -> Array:
     """Return the matrix L for which u @ L @ u is the energy of displacements u at points (n, n)."""
     n = len(points)
-    return np.linalg.inv(_system(points))[:n, :n]
+    return np.asarray(np.linalg.inv(_system(points))[:n, :n], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,13 @@ class SmoothMap:
     def determinant(self, x: Array) -> Array:
         """Return by how much the map enlarges areas at points, shape (n,)."""
         return np.asarray(np.linalg.det(self.with_gradient(x)[1]))
+
+
+def best_affine(source: Array, target: Array) -> SmoothMap:
+    """Return the affine map that takes points nearest to others, by least squares."""
+    base = np.column_stack([source, np.ones(len(source))])
+    solution = np.asarray(np.linalg.lstsq(base, target, rcond=None)[0], dtype=float)
+    return SmoothMap(solution[:2].T, solution[2])
 
 
 def fitted(
@@ -158,13 +167,11 @@ def fitted(
     InputError
         When the map folds, or squeezes an area to less than `SMALLEST_DETERMINANT` of its size.
     """
-    base = np.column_stack([source, np.ones(len(source))])
-    solution = np.linalg.lstsq(base, target, rcond=None)[0]
-    matrix, shift = solution[:2].T, solution[2]
-    if np.linalg.det(matrix) <= 0:
+    affine = best_affine(source, target)
+    if np.linalg.det(affine.matrix) <= 0:
         raise InputError("the section is a mirror image of the atlas; correct its side or axes")
     for number in STEPS:
-        found = _in_steps(SmoothMap(matrix, shift), source, target, samples, slack, number)
+        found = _in_steps(affine, source, target, samples, slack, number)
         if found is not None:
             break
     else:
@@ -189,7 +196,7 @@ def _in_steps(
     slack: Array | None,
     number: int,
 ) -> tuple[SmoothMap, Array] | None:
-    """Return the map in so many steps and its determinants, or nothing where a step is not small."""
+    """Return the map and its determinants, or nothing where a step is not small."""
     start, moving = affine(source), affine(samples)
     total = np.full(len(samples), np.linalg.det(affine.matrix))
     steps = []
