@@ -138,7 +138,7 @@ class Provenance(Strict):
     ----------
     files : mapping of str to str
         Names of the source's files, and their hashes (SHA-256).
-    level : str
+    level : str, optional
         Where the section lies, as it was asked for.
     height : float
         The same as a share of the source's height, 0 distal and 1 proximal.
@@ -148,12 +148,13 @@ class Provenance(Strict):
         Largest distance of the curves from the source's points.
     program : str
         What made it, with its version.
-    found, assumed : tuple of str
-        How side and directions were found; what the source does not have.
+    found, assumed, notes : tuple of str
+        How side and directions were found; what the source does not have; where layers are thinner
+        than in the atlas, and what was changed to fit.
     """
 
     files: dict[str, str]
-    level: str
+    level: str | None = None
     height: float | None = None
     origin: tuple[float, float, float] | None = None
     normal: tuple[float, float, float] | None = None
@@ -162,6 +163,7 @@ class Provenance(Strict):
     program: str
     found: tuple[str, ...] = ()
     assumed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 #: Keys that files of earlier versions have and from which nothing follows: of a limb, of a region.

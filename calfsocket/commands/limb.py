@@ -8,7 +8,9 @@ from calfsocket.commands import command, first_rank, group, option
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
+    from calfsocket.imaging.anatomy import Said
     from calfsocket.imaging.limb import Imported
+    from calfsocket.imaging.section import Section
 
 
 @command(
@@ -41,8 +43,32 @@ if TYPE_CHECKING:
         help="largest distance of the curves from the data (default: 0.2 mm; of a label map half"
         " a voxel)",
     ),
-    option(
-        "--skin-thickness", type=float, default=1.6, metavar="MM", help="default: %(default)s mm"
+    group(
+        "what lies between skin and bones",
+        option(
+            "--tissues",
+            default="atlas",
+            choices=("atlas", "lumped"),
+            help="the reference calf's regions carried into the section, or one soft tissue "
+            "(default: %(default)s)",
+        ),
+        option("--skin-thickness", type=float, metavar="MM", help="default: the reference's, 1.6"),
+        option(
+            "--fat-thickness",
+            type=float,
+            metavar="MM",
+            help="mean, for the atlas (default: the reference's, to scale)",
+        ),
+        option(
+            "--crest",
+            type=float,
+            metavar="DEG",
+            help="anatomical angle of the tibia's crest (90 is"
+            " anterior), for a scan of the skin alone",
+        ),
+        option(
+            "--fibular-head", type=float, metavar="DEG", help="that of the fibula (0 is lateral)"
+        ),
     ),
     group(
         "what the source does not tell",
@@ -72,6 +98,12 @@ if TYPE_CHECKING:
             metavar="FILE.csv",
             help="what the labels of a label map are: a line such as 3,tibia for each",
         ),
+        option(
+            "--seen-from",
+            default="above",
+            choices=("above", "below"),
+            help="from where a section was drawn (default: %(default)s)",
+        ),
         option("--voxel", metavar="X,Y,Z", help="size of a voxel of a stack of pictures, mm"),
     ),
     description="""\
@@ -94,42 +126,87 @@ examples:
 @first_rank
 def limb(arguments: Namespace) -> None:
     """Make a limb from a scan of its surface and bones."""
-    from calfsocket.imaging.anatomy import Said, find_anatomy
-    from calfsocket.imaging.limb import imported, plane_of, read_source, voxel_of
-    from calfsocket.imaging.plane import Level
-    from calfsocket.imaging.source import ROLES
+    from calfsocket.imaging.limb import Filling, imported
     from calfsocket.plotting.source import draw_source
 
     out = arguments.out
     if out.suffix != ".json":
         raise InputError(f"--out {out}: limbs are JSON files; use a name that ends in .json")
-    plane = plane_of(arguments.plane) if arguments.plane else None
-    level = None if plane else Level.parse(arguments.level)
-    said = {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
-    voxel = voxel_of(arguments.voxel) if arguments.voxel else None
-    source = read_source(arguments.source, arguments.units, said, arguments.labels, voxel)
-    anatomy = find_anatomy(source, Said(arguments.side, arguments.proximal, arguments.anterior))
-    made = imported(source, anatomy, level, plane, arguments.tolerance, arguments.skin_thickness)
+    made = imported(
+        _section(arguments),
+        Filling(
+            arguments.tissues,
+            arguments.skin_thickness,
+            arguments.fat_thickness,
+            arguments.crest,
+            arguments.fibular_head,
+        ),
+    )
     made.limb.write(out)
     draw_source(made.limb, made.section.data, out.with_suffix(".png"))
     print(summary(made))
     print(f"written to {out} and {out.with_suffix('.png')}")
 
 
+def _section(arguments: Namespace) -> "Section":
+    """Return the section that the options ask for."""
+    from calfsocket.imaging.anatomy import Said, find_anatomy
+    from calfsocket.imaging.drawing import is_drawing
+    from calfsocket.imaging.limb import plane_of, read_source, voxel_of
+    from calfsocket.imaging.plane import Level
+    from calfsocket.imaging.section import section
+    from calfsocket.imaging.source import ROLES
+
+    said = Said(arguments.side, arguments.proximal, arguments.anterior)
+    roles = {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
+    if any(map(is_drawing, arguments.source)):
+        return _drawn(arguments, said, roles)
+    plane = plane_of(arguments.plane) if arguments.plane else None
+    level = None if plane else Level.parse(arguments.level)
+    voxel = voxel_of(arguments.voxel) if arguments.voxel else None
+    source = read_source(arguments.source, arguments.units, roles, arguments.labels, voxel)
+    return section(source, find_anatomy(source, said), level, plane, arguments.tolerance)
+
+
+def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Section":
+    """Return the section that was drawn."""
+    from calfsocket.imaging.drawing import read_outlines, roles_of
+    from calfsocket.imaging.section import TOLERANCE
+
+    for name, value in (
+        ("--plane", arguments.plane),
+        ("--labels", arguments.labels),
+        ("--voxel", arguments.voxel),
+        ("--proximal", arguments.proximal),
+    ):
+        if value:
+            raise InputError(f"{name}: does not belong to a drawing of the section; omit it")
+    tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
+    parts = roles_of(arguments.source, roles)
+    return read_outlines(parts, said, arguments.seen_from, tolerance)
+
+
 def summary(made: "Imported") -> str:
     """Return a table of a limb's regions, and how it was found."""
-    section, areas = made.section, made.limb.areas
+    section, areas, source = made.section, made.limb.areas, made.limb.source
+    share = "" if section.height is None else f" ({100 * section.height:.0f} % of the height)"
     lines = [
-        f"{made.limb.title} ({100 * section.height:.0f} % of the height from the distal end)",
-        f"  {'region':18} {'tissue':8} {'mm2':>8}  {'origin':8}  deviation",
+        f"{made.limb.title}{share}",
+        f"  {'region':29} {'tissue':8} {'mm2':>8}  {'origin':8}  deviation",
     ]
     for region in made.limb.regions:
         off = "" if region.deviation_mm is None else f"{region.deviation_mm:6.2f} mm"
         lines.append(
-            f"  {region.name:18} {region.tissue:8} {areas[region.name]:8.1f}  "
+            f"  {region.name:29} {region.tissue:8} {areas[region.name]:8.1f}  "
             f"{region.origin or '':8}  {off}".rstrip()
         )
-    assert made.limb.source is not None
-    lines += [f"  {line}" for line in made.limb.source.found]
-    lines += [f"  assumed: {line}" for line in made.limb.source.assumed]
+    if made.atlas:
+        low, high = made.atlas.smallest_determinant, made.atlas.largest_determinant
+        lines.append(f"  areas of the atlas change by factors of {low:.2f} to {high:.2f}")
+        for layer, thick in made.atlas.thickness.items():
+            lines.append(f"  {layer}: {thick.median:.2f} mm thick, {thick.smallest:.2f} at least")
+    assert source is not None
+    lines += [f"  {line}" for line in source.found]
+    lines += [f"  assumed: {line}" for line in source.assumed]
+    lines += [f"  note: {line}" for line in source.notes]
     return "\n".join(lines)

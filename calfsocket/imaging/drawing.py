@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from calfsocket.imaging.anatomy import FIBULA_ANGLE, LEAST_SINE, Said
+from calfsocket.imaging.anatomy import FIBULA_ANGLE, LEAST_SINE, Said, direction
 from calfsocket.imaging.outlines import Outline, SectionOutlines
 from calfsocket.imaging.section import TOLERANCE, Section, smooth_outline
 from calfsocket.imaging.source import sha256
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
-from calfsocket.meshes.curves import Array, xy
-from calfsocket.meshes.drawn import MAX_TURN, Choice, Drawn
+from calfsocket.meshes.curves import Array
+from calfsocket.meshes.drawn import Choice, Drawn
 from calfsocket.meshes.frame import Frame, View
 from calfsocket.meshes.outline import READERS
 
@@ -32,7 +32,7 @@ def is_drawing(path: Path) -> bool:
 
 def read_outlines(
     parts: Mapping[str, Path | str] | Path | str,
-    said: Said = Said(),
+    said: Said | None = None,
     seen_from: View = "above",
     tolerance: float = TOLERANCE,
 ) -> Section:
@@ -55,6 +55,7 @@ def read_outlines(
     InputError
         When a file cannot be read, or its outlines do not lie in one another.
     """
+    said = said or Said()
     files, drawn = _read(parts)
     skin = shapely.Polygon(drawn["skin"].points)
     for name, each in drawn.items():
@@ -90,6 +91,27 @@ def read_outlines(
         names=", ".join(files),
         files=files,
     )
+
+
+def roles_of(files: Sequence[Path], said: Mapping[str, str]) -> dict[str, Path] | Path:
+    """Return which file is what: as said, or by its name; a single drawing as it is."""
+    if len(files) == 1 and not said:
+        return files[0]
+    found = {}
+    for role, name in said.items():
+        fits = [path for path in files if name in (str(path), path.name, path.stem)]
+        if not fits:
+            raise InputError(f"--{role}: no file '{name}'; there are {', '.join(map(str, files))}")
+        found[role] = fits[0]
+    for path in [path for path in files if path not in found.values()]:
+        roles = [role for role in ROLES if role in path.stem.lower() and role not in found]
+        if not roles:
+            raise InputError(
+                f"{path}: what is it? say so by --skin, --muscle, --tibia or --fibula, or by its"
+                " name, such as tibia.csv"
+            )
+        found[max(roles, key=len)] = path
+    return found
 
 
 def _read(parts: Mapping[str, Path | str] | Path | str) -> tuple[dict[str, str], dict[str, Drawn]]:
@@ -164,8 +186,6 @@ def _front(
                 " and the flesh behind them"
             )
     if said.anterior:
-        from calfsocket.imaging.anatomy import direction
-
         front = direction(said.anterior, "anterior")[:2]
         if np.linalg.norm(front) < 0.3:
             raise InputError(f"anterior: '{said.anterior}' leaves the drawing; give +x, -y, ...")

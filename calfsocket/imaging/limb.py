@@ -3,22 +3,50 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 import calfsocket
-from calfsocket.imaging.anatomy import Anatomy, Said, Side, find_anatomy
+from calfsocket.imaging.anatomy import Said, Side, find_anatomy
+from calfsocket.imaging.atlas import AtlasLimb, carried
+from calfsocket.imaging.drawing import read_outlines
 from calfsocket.imaging.labels import read_labels
 from calfsocket.imaging.lumped import SKIN_THICKNESS, lumped
 from calfsocket.imaging.plane import Level
-from calfsocket.imaging.section import Section, section
+from calfsocket.imaging.section import TOLERANCE, Section, section
 from calfsocket.imaging.source import Source, read_surface
 from calfsocket.imaging.volume import is_volume
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import limb as meshes
 from calfsocket.meshes.curves import Array
+from calfsocket.meshes.frame import View
 from calfsocket.meshes.limb import Provenance
+
+Tissues = Literal["atlas", "lumped"]
+Plane = tuple[Sequence[float], Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Filling:
+    """What lies between the outlines of a section.
+
+    Attributes
+    ----------
+    tissues : {"atlas", "lumped"}
+        The regions of the reference calf carried into the section, or one soft tissue.
+    skin_thickness, fat_thickness : float, optional
+        mm; by default those of the reference calf. Fat is for the atlas alone, where no envelope
+        of the muscles is known.
+    crest, fibular_head : float, optional
+        Anatomical angles of tibia and fibula, degrees, for the atlas and a scan of the skin alone.
+    """
+
+    tissues: Tissues = "atlas"
+    skin_thickness: float | None = None
+    fat_thickness: float | None = None
+    crest: float | None = None
+    fibular_head: float | None = None
 
 
 @dataclass(frozen=True)
@@ -30,10 +58,13 @@ class Imported:
     limb : Limb
     section : Section
         The section of the source that it was made from.
+    atlas : AtlasLimb, optional
+        What was measured of the atlas's map and layers.
     """
 
     limb: "Limb"
     section: Section
+    atlas: AtlasLimb | None = None
 
 
 class Limb(meshes.Limb):
@@ -68,7 +99,7 @@ class Limb(meshes.Limb):
         cls,
         *paths: Path | str,
         level: float | str = 0.5,
-        plane: tuple[Sequence[float], Sequence[float]] | None = None,
+        plane: Plane | None = None,
         units: str = "mm",
         tolerance: float | None = None,
         side: Side | None = None,
@@ -78,9 +109,9 @@ class Limb(meshes.Limb):
         muscle: str | None = None,
         tibia: str | None = None,
         fibula: str | None = None,
-        skin_thickness: float = SKIN_THICKNESS,
+        **filling: Any,
     ) -> Self:
-        """Make a limb from surfaces of its skin and bones, of lumped tissues.
+        """Make a limb from surfaces of its skin and bones.
 
         Parameters
         ----------
@@ -102,8 +133,9 @@ class Limb(meshes.Limb):
             not tell.
         skin, muscle, tibia, fibula
             Which file or shell is what, where size and nesting do not tell.
-        skin_thickness
-            mm.
+        **filling
+            ``tissues`` ("atlas" or "lumped"), ``skin_thickness``, ``fat_thickness``, mm, and
+            ``crest``, ``fibular_head``, degrees: see `calfsocket.imaging.limb.Filling`.
 
         Raises
         ------
@@ -112,9 +144,8 @@ class Limb(meshes.Limb):
         """
         roles = {"skin": skin, "muscle": muscle, "tibia": tibia, "fibula": fibula}
         source = read_surface(list(paths), units, {k: v for k, v in roles.items() if v})
-        anatomy = find_anatomy(source, Said(side, proximal, anterior))
-        at = None if plane else Level.parse(level)
-        return cls._of(imported(source, anatomy, at, plane, tolerance, skin_thickness).limb)
+        said = Said(side, proximal, anterior)
+        return cls._of(imported(_cut(source, said, level, plane, tolerance), filling).limb)
 
     @classmethod
     def from_labels(
@@ -123,15 +154,15 @@ class Limb(meshes.Limb):
         labels: Path | str,
         *,
         level: float | str = 0.5,
-        plane: tuple[Sequence[float], Sequence[float]] | None = None,
+        plane: Plane | None = None,
         voxel: tuple[float, float, float] | None = None,
         tolerance: float | None = None,
         side: Side | None = None,
         proximal: str | None = None,
         anterior: str | None = None,
-        skin_thickness: float = SKIN_THICKNESS,
+        **filling: Any,
     ) -> Self:
-        """Make a limb from a label map, of lumped tissues.
+        """Make a limb from a label map.
 
         Parameters
         ----------
@@ -145,7 +176,7 @@ class Limb(meshes.Limb):
             Size of a voxel in mm, for pictures.
         tolerance
             Largest distance of the curves from the data, mm (default: half a voxel).
-        level, plane, side, proximal, anterior, skin_thickness
+        level, plane, side, proximal, anterior, **filling
             As of `from_surface`.
 
         Raises
@@ -154,13 +185,58 @@ class Limb(meshes.Limb):
             One line: file, level, place, and what to do.
         """
         source = read_labels(path, labels, voxel)
-        anatomy = find_anatomy(source, Said(side, proximal, anterior))
-        at = None if plane else Level.parse(level)
-        return cls._of(imported(source, anatomy, at, plane, tolerance, skin_thickness).limb)
+        said = Said(side, proximal, anterior)
+        return cls._of(imported(_cut(source, said, level, plane, tolerance), filling).limb)
+
+    @classmethod
+    def from_outlines(
+        cls,
+        parts: Mapping[str, Path | str] | Path | str,
+        *,
+        tolerance: float = TOLERANCE,
+        side: Side | None = None,
+        seen_from: View = "above",
+        anterior: str | None = None,
+        **filling: Any,
+    ) -> Self:
+        """Make a limb from outlines of its skin and bones.
+
+        Parameters
+        ----------
+        parts
+            CSV, DXF or SVG files by role: "skin", "muscle" (the envelope of all muscles), "tibia",
+            "fibula", "tibia_cavity"; or one DXF or SVG drawing with a layer for each.
+        tolerance
+            Largest distance of the curves from rough outlines, mm.
+        side, seen_from
+            Of the body, and from where the section was drawn.
+        anterior
+            Direction in the drawing, such as ``"+y"``, where tibia and fibula do not tell.
+        **filling
+            As of `from_surface`.
+
+        Raises
+        ------
+        InputError
+            One line: file, place, and what to do.
+        """
+        part = read_outlines(parts, Said(side, None, anterior), seen_from, tolerance)
+        return cls._of(imported(part, filling).limb)
 
     @classmethod
     def _of(cls, limb: meshes.Limb) -> Self:
         return cls.model_construct(**dict(limb))
+
+
+def _cut(
+    source: Source,
+    said: Said,
+    level: float | str,
+    plane: Plane | None,
+    tolerance: float | None,
+) -> Section:
+    where = None if plane else Level.parse(level)
+    return section(source, find_anatomy(source, said), where, plane, tolerance)
 
 
 def read_source(
@@ -187,38 +263,70 @@ def read_source(
     return read_labels(maps[0], labels, voxel)
 
 
-def imported(
-    source: Source,
-    anatomy: Anatomy,
-    level: Level | None,
-    plane: tuple[Sequence[float], Sequence[float]] | None = None,
-    tolerance: float | None = None,
-    skin_thickness: float = SKIN_THICKNESS,
-) -> Imported:
-    """Make a limb of a source at a level, or in a plane."""
-    at = (np.asarray(plane[0], float), np.asarray(plane[1], float)) if plane else None
-    part = section(source, anatomy, level, at, tolerance)
-    where = f"level {level}" if level else "the plane"
-    with error_context(source.names, where):
-        limb, assumed = lumped(part.outlines, skin_thickness, title=f"{source.names}, {where}")
-    return Imported(Limb._of(_recorded(limb, source, part, where, assumed)), part)
+def imported(part: Section, filling: Filling | Mapping[str, Any] = Filling()) -> Imported:
+    """Make a limb of a section."""
+    if not isinstance(filling, Filling):
+        try:
+            filling = Filling(**filling)
+        except TypeError as error:
+            raise InputError(f"limb: {str(error).split(') ')[-1]}") from None
+    title = part.title
+    with error_context(part.names, part.where) if part.where else error_context(part.names):
+        if filling.tissues == "lumped":
+            return Imported(Limb._of(_lumped(part, filling, title)), part)
+        if filling.tissues != "atlas":
+            raise InputError(f"tissues: is '{filling.tissues}'; it must be atlas or lumped")
+        if not part.outlines.frame.known:
+            raise InputError(
+                "where the front is, and which side of the body it is, is not known, and the atlas"
+                " must lie so: add --anterior and --side, or bones from which they follow"
+            )
+        made = carried(
+            part.outlines,
+            title=title,
+            skin_thickness=filling.skin_thickness,
+            fat_thickness=filling.fat_thickness,
+            crest=filling.crest,
+            fibular_head=filling.fibular_head,
+        )
+    regions = tuple(_with_origin(region, made) for region in made.limb.regions)
+    limb = made.limb.model_copy(update={"regions": regions})
+    notes = (*made.thinned, *made.warnings)
+    return Imported(Limb._of(_recorded(limb, part, made.assumed, notes)), part, made)
+
+
+def _with_origin(region: meshes.Region, made: AtlasLimb) -> meshes.Region:
+    """Record where a region comes from, and how far it is from the data if they have it."""
+    found = made.origin[region.name]
+    off = round(found.deviation_mm, 4) if found.origin == "measured" else None
+    return region.model_copy(update={"origin": found.origin, "deviation_mm": off})
+
+
+def _lumped(part: Section, filling: Filling, title: str) -> meshes.Limb:
+    for name in ("fat_thickness", "crest", "fibular_head"):
+        if getattr(filling, name) is not None:
+            raise InputError(f"{name}: belongs to the atlas, not to lumped tissues; leave it out")
+    thick = SKIN_THICKNESS if filling.skin_thickness is None else filling.skin_thickness
+    limb, assumed = lumped(part.outlines, thick, title=title)
+    return _recorded(limb, part, assumed, ())
 
 
 def _recorded(
-    limb: meshes.Limb, source: Source, part: Section, where: str, assumed: Sequence[str]
+    limb: meshes.Limb, part: Section, assumed: Sequence[str], notes: Sequence[str]
 ) -> meshes.Limb:
     plane = part.plane
     origin = Provenance(
-        files=dict(source.files),
-        level=where,
-        height=round(part.height, 4),
-        origin=_triple(plane.origin),
-        normal=_triple(plane.normal),
-        anterior=_triple(plane.y),
+        files=dict(part.files),
+        level=part.where or None,
+        height=None if part.height is None else round(part.height, 4),
+        origin=_triple(plane.origin) if plane else None,
+        normal=_triple(plane.normal) if plane else None,
+        anterior=_triple(plane.y) if plane else None,
         tolerance_mm=part.tolerance,
         program=f"calfsocket {calfsocket.__version__}",
         found=tuple(part.remarks),
         assumed=tuple(assumed),
+        notes=tuple(notes),
     )
     return limb.model_copy(update={"source": origin})
 

@@ -45,11 +45,15 @@ class Section:
         What it consists of.
     data : mapping of str to Array
         The outlines as the source has them, mm, in the section's axes, by name.
-    plane : Plane
-        Where it lies; its origin is that of the outlines.
-    level : Level or None
+    names : str
+        Of the source's files.
+    files : mapping of str to str
+        Their names and hashes.
+    plane : Plane, optional
+        Where it lies; its origin is that of the outlines. None where the section was drawn.
+    level : Level, optional
         Along the limb; None where a plane was given.
-    height : float
+    height : float, optional
         Share of the source's height from its distal end.
     tolerance : float
         Largest distance of the curves from the data, mm.
@@ -59,18 +63,32 @@ class Section:
 
     outlines: SectionOutlines
     data: Mapping[str, Array]
-    plane: Plane
+    names: str
+    files: Mapping[str, str]
+    plane: Plane | None
     level: Level | None
-    height: float
+    height: float | None
     tolerance: float
     remarks: Sequence[str]
+
+    @property
+    def where(self) -> str:
+        """Say where in the source it lies; empty where it was drawn."""
+        if self.level:
+            return f"level {self.level}"
+        return "a plane" if self.plane else ""
+
+    @property
+    def title(self) -> str:
+        """Name it for reports."""
+        return f"{self.names}, {self.where}" if self.where else self.names
 
 
 def section(
     source: Source,
     anatomy: Anatomy,
     level: Level | None,
-    plane: tuple[Array, Array] | None = None,
+    plane: tuple[Sequence[float], Sequence[float]] | None = None,
     tolerance: float | None = None,
 ) -> Section:
     """Cut a source.
@@ -168,13 +186,15 @@ def section(
     )
     shifted = Plane(where.origin + centre[0] * where.x + centre[1] * where.y, where.x, where.y)
     return Section(
-        outlines,
-        data,
-        shifted,
-        level,
-        height,
-        tolerance,
-        (*source.remarks, *anatomy.found, *remarks),
+        outlines=outlines,
+        data=data,
+        names=source.names,
+        files=source.files,
+        plane=shifted,
+        level=level,
+        height=height,
+        tolerance=tolerance,
+        remarks=(*source.remarks, *anatomy.found, *remarks),
     )
 
 
@@ -183,7 +203,10 @@ _MOST_TOLERANCE = 5.0
 
 
 def _place(
-    source: Source, anatomy: Anatomy, level: Level | None, plane: tuple[Array, Array] | None
+    source: Source,
+    anatomy: Anatomy,
+    level: Level | None,
+    plane: tuple[Sequence[float], Sequence[float]] | None,
 ) -> tuple[Plane, float]:
     """Return the plane of a section and its share of the height."""
     low, high = anatomy.low, anatomy.high
@@ -191,7 +214,7 @@ def _place(
         assert level is not None
         height = level.height(low, high)
         return anatomy.plane(height), (height - low) / (high - low)
-    origin, normal = plane
+    origin, normal = (np.asarray(each, dtype=float) for each in plane)
     normal = normal / np.linalg.norm(normal)
     if abs(normal @ anatomy.axis) < _STEEPEST:
         raise InputError(
