@@ -11,6 +11,8 @@ from calfsocket.meshes.curves import Array, ClosedCurve, Point
 from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.limb import FIBULA
 
+#: Names of outlines that no region can have.
+NOT_REGIONS = "skin", "envelope", "cavity", "tibia", "fibula"
 _AXES = (1, 0), (0, 1), (-1, 0), (0, -1)
 
 

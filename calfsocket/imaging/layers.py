@@ -149,7 +149,11 @@ def layers(
     share[inside] = -1.0
     worst = int(np.argmin(share))
     if share[worst] < LEAST_SHARE:
-        where = "outside the skin" if inside[worst] else f"{least[worst]:.2f} mm below its surface"
+        where = (
+            "outside the skin"
+            if inside[worst]
+            else f"{least[worst]:.2f} mm below the skin's surface"
+        )
         raise InputError(
             f"{names[nearest[worst]]}: lies {where} at {at(points[worst])}; skin, fat and fascia"
             f" need {LEAST_SHARE * (thickness + LEAST_FAT + under):.1f} mm; correct the outlines"

@@ -96,13 +96,8 @@ class Regions:
 
     def _given_bodies(self) -> dict[str, shapely.Polygon]:
         """Return the areas of further regions of the source, apart from each other and the rest."""
-        taken = {self.atlas.skin.name, self.atlas.fat.name, self.atlas.fascia.name, *self.bones}
         given = {}
         for name, (tissue, _) in self.section.outlines.regions.items():
-            if name in taken or tissue == "skin":
-                raise InputError(
-                    f"region {name}: is made from skin and bones; leave it out of the regions"
-                )
             body = given[name] = polygon(self.section.rings[name])
             deep = self._envelope.contains(body.centroid)
             known = {**self.atlas.bellies, **self.atlas.inlays, **self.atlas.veins}

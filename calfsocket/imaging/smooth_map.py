@@ -12,9 +12,9 @@ from calfsocket.meshes.curves import Array, xy
 
 #: Numbers of small steps that are tried.
 STEPS = 4, 8, 16, 32, 64
-#: A step is small where the determinant of its gradient lies between this and its inverse: far from
-#: a fold, so that none hides between the points at which it is sampled.
-SMALL_STEP = 0.6
+#: The largest gradient of a small displacement (its norm as a matrix). With less than 1 no two
+#: points come together; half of it leaves room for what lies between the points that are looked at.
+SMALL_STEP = 0.5
 #: The smallest determinant of a map that is used. Below, what was 10 mm wide would be 0.2 mm.
 SMALLEST_DETERMINANT = 0.02
 #: Length that makes the equations well scaled, mm: half of a leg.
@@ -138,11 +138,12 @@ def fitted(
     slack: Array | None = None,
     at: Callable[[Array], str] = xy,
 ) -> tuple[SmoothMap, Array]:
-    """Return a map from points to others without folds.
+    r"""Return a map from points to others without folds.
 
     The best affine map comes first. The points then move on straight lines to their places, in so
-    many steps that each is small: what is smooth and nearly the identity has an inverse, and a
-    sequence of such maps has one too. A single thin-plate spline may fold.
+    many steps that each is small. A map x + u(x) has an inverse where the gradient of u is smaller
+    than 1, for it brings no two points together, and a sequence of such maps has one too. A single
+    thin-plate spline may fold.
 
     Parameters
     ----------
@@ -171,21 +172,22 @@ def fitted(
     if np.linalg.det(affine.matrix) <= 0:
         raise InputError("the section is a mirror image of the atlas; correct its side or axes")
     for number in STEPS:
-        found = _in_steps(affine, source, target, samples, slack, number)
-        if found is not None:
+        smooth, determinant, steepest = _in_steps(affine, source, target, samples, slack, number)
+        if steepest is None:
             break
-    else:
+    if steepest is not None:
         raise InputError(
-            "no smooth map takes the atlas to this section: skin and bones lie too differently"
+            f"the atlas would fold near {at(affine(samples[[steepest]])[0])}: outer curve and bones"
+            " lie too differently; correct the outlines, or choose another level, or tissues lumped"
         )
-    smooth, determinant = found
     worst = int(np.argmin(determinant))
     if determinant[worst] < SMALLEST_DETERMINANT:
         raise InputError(
             f"the atlas would be squeezed to {determinant[worst]:.1%} of its area at"
-            f" {at(smooth(samples[[worst]])[0])}; there is too little room between skin and bones"
+            f" {at(smooth(samples[[worst]])[0])}: too little room between the muscles' edge and the"
+            " bones; choose another level, or tissues lumped"
         )
-    return found
+    return smooth, determinant
 
 
 def _in_steps(
@@ -195,8 +197,8 @@ def _in_steps(
     samples: Array,
     slack: Array | None,
     number: int,
-) -> tuple[SmoothMap, Array] | None:
-    """Return the map and its determinants, or nothing where a step is not small."""
+) -> tuple[SmoothMap, Array, int | None]:
+    """Return the map, its determinants, and the sample at which a step is not small, if any."""
     start, moving = affine(source), affine(samples)
     total = np.full(len(samples), np.linalg.det(affine.matrix))
     steps = []
@@ -204,10 +206,10 @@ def _in_steps(
         here = start + i / number * (target - start)
         step = ThinPlate(here, (target - start) / number, slack)
         displacement, slope = step.at(moving)
-        determinant = np.linalg.det(np.eye(2) + slope)
-        if determinant.min() < SMALL_STEP or determinant.max() > 1 / SMALL_STEP:
-            return None
-        moving = moving + displacement
-        total *= determinant
         steps.append(step)
-    return SmoothMap(affine.matrix, affine.shift, tuple(steps)), total
+        size = np.linalg.norm(slope, 2, axis=(1, 2))
+        if size.max() > SMALL_STEP:
+            return affine, total, int(size.argmax())
+        moving = moving + displacement
+        total *= np.linalg.det(np.eye(2) + slope)
+    return SmoothMap(affine.matrix, affine.shift, tuple(steps)), total, None
