@@ -101,7 +101,7 @@ def test_every_format_gives_the_limb(
 ) -> None:
     phantom, labels, affine = tilted_map()
     path = write(tmp_path / name, labels, affine)
-    limb = cs.Limb.from_labels(path, table(tmp_path))
+    limb = cs.Limb.from_labels(path, table(tmp_path), tissues="lumped")
     assert set(limb.tissues) == {"skin", "subcutaneous_fat", "muscle", "tibia", "fibula"}
     assert limb.side == "right"
     for part, (area, distance) in differences(limb, phantom, 0.5).items():
@@ -113,14 +113,16 @@ def test_every_format_gives_the_limb(
 
 def test_axes_in_any_order_give_the_same_limb(tmp_path: Path) -> None:
     _, labels, affine = tilted_map()
-    limb = cs.Limb.from_labels(nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path))
+    limb = cs.Limb.from_labels(
+        nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path), tissues="lumped"
+    )
     order = [2, 0, 1]
     flipped = labels.transpose(order)[:, ::-1]
     columns = affine[:, :3][:, order]
     origin = affine[:, 3] + columns[:, 1] * (flipped.shape[1] - 1)
     columns = columns * [1, -1, 1]
     other = nrrd(tmp_path / "b.nrrd", flipped, np.column_stack([columns, origin]))
-    same = polygons(cs.Limb.from_labels(other, table(tmp_path)))
+    same = polygons(cs.Limb.from_labels(other, table(tmp_path), tissues="lumped"))
     for name, polygon in polygons(limb).items():
         # Triangles of voxels depend on the order of the axes.
         assert polygon.exterior.hausdorff_distance(same[name].exterior) < 0.2
@@ -137,7 +139,9 @@ def test_stacks_of_pictures(tmp_path: Path) -> None:
         page.save(tmp_path / "slices" / f"limb{number}.png")
     pages[0].save(tmp_path / "limb.tif", save_all=True, append_images=pages[1:])
     for path in (tmp_path / "slices", tmp_path / "limb.tif"):
-        limb = cs.Limb.from_labels(path, table(tmp_path), voxel=(1, 1, 4), proximal="+z")
+        limb = cs.Limb.from_labels(
+            path, table(tmp_path), voxel=(1, 1, 4), proximal="+z", tissues="lumped"
+        )
         assert limb.side == "right"
         for area, distance in differences(limb, phantom, 0.5).values():
             assert abs(area) < 0.03
@@ -147,7 +151,9 @@ def test_stacks_of_pictures(tmp_path: Path) -> None:
 def test_curves_are_smooth(tmp_path: Path) -> None:
     """Within half a voxel the steps of 1 mm are gone: the skin bends as the true one does."""
     _, labels, affine = tilted_map()
-    limb = cs.Limb.from_labels(nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path))
+    limb = cs.Limb.from_labels(
+        nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path), tissues="lumped"
+    )
     bends = np.abs(limb.skin.curvature(limb.skin.sample(0.5)))
     assert bends.max() < 2 / 14.7  # twice that of the reference calf
 
@@ -173,7 +179,7 @@ def test_regions_of_their_own_and_cavities(tmp_path: Path) -> None:
     source = read_labels(nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path, text))
     assert list(source.regions) == ["soleus"]
     assert list(source.cavities) == ["tibia"]
-    limb = cs.Limb.from_labels(tmp_path / "a.nrrd", tmp_path / "labels.csv")
+    limb = cs.Limb.from_labels(tmp_path / "a.nrrd", tmp_path / "labels.csv", tissues="lumped")
     true = phantom.section("cavity", 0.5).area
     cavity = shapely.Polygon(polygons(limb)["cavity"]).area
     assert cavity == pytest.approx(true, rel=0.02)

@@ -39,7 +39,7 @@ def differences(limb: cs.Limb, phantom: Phantom, share: float) -> dict[str, tupl
 def straight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Phantom, cs.Limb]:
     phantom = Phantom()
     folder = tmp_path_factory.mktemp("straight")
-    return phantom, cs.Limb.from_surface(*phantom.write(folder, *PARTS))
+    return phantom, cs.Limb.from_surface(*phantom.write(folder, *PARTS), tissues="lumped")
 
 
 def test_the_calf_comes_back(straight: tuple[Phantom, cs.Limb]) -> None:
@@ -54,7 +54,7 @@ def test_the_calf_comes_back(straight: tuple[Phantom, cs.Limb]) -> None:
 @pytest.mark.parametrize("share", [0.2, 0.7])
 def test_levels(tmp_path: Path, share: float) -> None:
     phantom = Phantom(twist=0.0)
-    limb = cs.Limb.from_surface(*phantom.write(tmp_path, *PARTS), level=share)
+    limb = cs.Limb.from_surface(*phantom.write(tmp_path, *PARTS), level=share, tissues="lumped")
     for area, distance in differences(limb, phantom, share).values():
         assert abs(area) < 0.002
         assert distance < 0.2
@@ -64,7 +64,7 @@ def test_levels(tmp_path: Path, share: float) -> None:
 def test_one_file_with_scanner_noise(tmp_path: Path) -> None:
     phantom = Phantom(noise=0.1)
     path = phantom.write_one(tmp_path / "limb.ply", *PARTS)
-    limb = cs.Limb.from_surface(path, tolerance=0.4)
+    limb = cs.Limb.from_surface(path, tolerance=0.4, tissues="lumped")
     for area, distance in differences(limb, phantom, 0.5).values():
         assert abs(area) < 0.01
         assert distance < 0.4
@@ -87,7 +87,9 @@ def test_the_same_limb_however_it_lies(
 ) -> None:
     phantom = Phantom(**changed)
     units = "m" if phantom.scale > 1 else "mm"
-    limb = cs.Limb.from_surface(*phantom.write(tmp_path, *PARTS, name="{}.vtp"), units=units)
+    limb = cs.Limb.from_surface(
+        *phantom.write(tmp_path, *PARTS, name="{}.vtp"), units=units, tissues="lumped"
+    )
     assert limb.side == ("left" if phantom.mirrored else "right")
     assert limb.axes["+x"] == ("medial" if phantom.mirrored else "lateral")
     same = polygons(straight[1])
@@ -102,7 +104,7 @@ def test_the_same_limb_however_it_lies(
 def test_fat_and_cavity_are_used_where_they_are_known(tmp_path: Path) -> None:
     phantom = Phantom()
     path = phantom.write_one(tmp_path / "limb.vtp", *PARTS, "muscle", "cavity")
-    limb = cs.Limb.from_surface(path)
+    limb = cs.Limb.from_surface(path, tissues="lumped")
     assert set(limb.tissues) == {"skin", "subcutaneous_fat", "muscle", "tibia", "fibula"}
     true = {part: phantom.section(part, 0.5).area for part in (*PARTS, "muscle", "cavity")}
     assert limb.areas["tibia"] == pytest.approx(true["tibia"] - true["cavity"], rel=0.01)
@@ -116,13 +118,15 @@ def test_fat_and_cavity_are_used_where_they_are_known(tmp_path: Path) -> None:
 def test_parts_may_be_said(tmp_path: Path) -> None:
     phantom = Phantom()
     skin, one, two = phantom.write(tmp_path, *PARTS, name="part-{}.obj".replace("{}", "{0:.1}"))
-    limb = cs.Limb.from_surface(one, two, skin, tibia="part-t", fibula="part-f", side="right")
+    limb = cs.Limb.from_surface(
+        one, two, skin, tibia="part-t", fibula="part-f", side="right", tissues="lumped"
+    )
     assert set(limb.tissues) == {"skin", "soft_tissue", "tibia", "fibula"}
 
 
 def test_directions_may_be_said(tmp_path: Path) -> None:
     paths = Phantom().write(tmp_path, *PARTS)
-    limb = cs.Limb.from_surface(*paths, proximal="-z", anterior="0,1,0")
+    limb = cs.Limb.from_surface(*paths, proximal="-z", anterior="0,1,0", tissues="lumped")
     assert limb.side == "left"  # the same surfaces upside down
     assert limb.axes == {"+x": "medial", "+y": "anterior"}
 
