@@ -150,7 +150,7 @@ def _levels(surface: pyvista.PolyData, axis: Array, part: tuple[float, float]) -
 
 def _ends(surface: pyvista.PolyData, axis: Array) -> tuple[Plane, Plane]:
     """Return planes near both ends."""
-    planes = _levels(surface, axis, (0.04, 0.96))
+    planes = _levels(surface, axis, (0.1, 0.9))
     return planes[0], planes[-1]
 
 

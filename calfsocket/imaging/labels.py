@@ -63,7 +63,7 @@ def read_table(path: Path) -> dict[int, Meaning]:
         if region == _IGNORED or region.endswith(_CAVITY):
             tissue = region if region == _IGNORED else "bone"
         elif tissue not in get_args(Tissue):
-            known = (*get_args(Tissue), *_TISSUE_OF)
+            known = dict.fromkeys((*get_args(Tissue), *_TISSUE_OF))
             hint = nearest(tissue or region, known)
             raise InputError(f"{place}: what tissue is '{tissue or region}'? {hint}")
         if label in found:

@@ -271,7 +271,7 @@ def imported(part: Section, filling: Filling | Mapping[str, Any] = Filling()) ->
         except TypeError as error:
             raise InputError(f"limb: {str(error).split(') ')[-1]}") from None
     title = part.title
-    with error_context(part.names, part.where) if part.where else error_context(part.names):
+    with error_context(title):
         if filling.tissues == "lumped":
             return Imported(Limb._of(_lumped(part, filling, title)), part)
         if filling.tissues != "atlas":

@@ -11,7 +11,7 @@ from calfsocket.imaging.outlines import Outline, SectionOutlines
 from calfsocket.imaging.plane import Cut, Level, Plane, cut
 from calfsocket.imaging.source import Source
 from calfsocket.imaging.surface import Shell
-from calfsocket.io.errors import InputError
+from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, xy
 from calfsocket.meshes.fairing import FEWEST, fair
@@ -212,7 +212,8 @@ def _place(
     low, high = anatomy.low, anatomy.high
     if plane is None:
         assert level is not None
-        height = level.height(low, high)
+        with error_context(source.names):
+            height = level.height(low, high)
         return anatomy.plane(height), (height - low) / (high - low)
     origin, normal = (np.asarray(each, dtype=float) for each in plane)
     normal = normal / np.linalg.norm(normal)

@@ -74,6 +74,8 @@ def _scaled(path: Path, units: str) -> pyvista.PolyData:
     check_readable(path, MAX_BYTES)
     try:
         points, triangles = reader(path)
+    except InputError:
+        raise
     except _UNREADABLE as error:
         words = " ".join(str(error).split())[:100]
         raise InputError(
