@@ -280,8 +280,8 @@ class Limb(Strict):
         path = Path(path)
         if kind := kind_of(path):
             raise InputError(
-                f"{path}: is {kind}; a limb is a JSON file of closed curves in mm and the regions"
-                " between them: see docs/formats/geometry.md"
+                f"{path}: is {kind}; a limb is a JSON file, which `python3 -m calfsocket limb`"
+                " makes of scans, label maps and outlines: see its --help"
             )
         return read_json(path, cls)
 
