@@ -144,10 +144,8 @@ class Regions:
     def _fill_area(self, region: Region, body: shapely.Polygon, origin: RegionOrigin) -> bool:
         """Take an area as a region, if it can be meshed."""
         if body.area < SMALLEST_AREA or body.buffer(-SMALLEST_WIDTH / 2).is_empty:
-            self.warnings.append(
-                f"{region.name} is left out: {body.area:.1f} mm^2 of it would remain, less than can"
-                " be meshed"
-            )
+            left = f"{body.area:.1f} mm^2 of it would remain" if body.area else "nothing remains"
+            self.warnings.append(f"{region.name} is left out: {left} between its neighbours")
             return False
         smooth = curve_of if region.tissue == "vessel" else curve_around
         self.curves[region.outer] = self.section.points(smooth(body))
