@@ -66,15 +66,9 @@ class Piece:
 
     def dense(self) -> "Piece":
         """Return the same piece with points at most `STEP` apart."""
-        points = self.sample() if self.sample else self.points[:, :2]
-        sides = np.diff(points, axis=0)
-        numbers = np.ceil(np.linalg.norm(sides, axis=1) / STEP).astype(int)
-        parts = [
-            start + side * (np.arange(number) / number)[:, None]
-            for start, side, number in zip(points, sides, numbers, strict=False)
-            if number
-        ]
-        return replace(self, points=np.concatenate([*parts, points[-1:]]), sample=lambda: points)
+        line = shapely.LineString(self.sample() if self.sample else self.points[:, :2])
+        points = shapely.get_coordinates(shapely.segmentize(line, STEP))
+        return replace(self, points=points, sample=lambda: points)
 
     def reversed(self) -> "Piece":
         """Return the same piece from its end to its start."""
