@@ -117,7 +117,7 @@ def _named(path: Path, header: list[_Row], data: list[_Row]) -> tuple[list[int],
                 f"{path}, line {row}: has {len(values)} {'cell' if len(values) == 1 else 'cells'};"
                 f" its header names {len(cells)}"
             )
-    said = {m[3] or m[4] or "" for m in (found[i] for i in columns) if m}
+    said = {m[3] or (m[4] if m[4] in UNITS else "") for m in (found[i] for i in columns) if m}
     if header:
         said = {cell.strip("[]() ") for _, units in header for cell in units} - {""}
     for i in (i for i, cell in enumerate(cells) if cell.lower() in ("unit", "units")):
