@@ -27,7 +27,7 @@ _SAME = 1e-4
 _FEWEST_TRIANGLES = 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shell:
     """A connected surface.
 
@@ -45,6 +45,12 @@ class Shell:
     name: str
     surface: pyvista.PolyData
     path: Path
+
+    @property
+    def title(self) -> str:
+        """Name it for records, without the folder."""
+        file = self.path.name
+        return f"{file}: {self.name}" if self.name != self.path.stem else file
 
     def __str__(self) -> str:
         """Name it for messages."""
