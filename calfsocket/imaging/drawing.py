@@ -8,7 +8,7 @@ import shapely
 
 from calfsocket.imaging.anatomy import FIBULA_ANGLE, LEAST_SINE, Said, direction
 from calfsocket.imaging.outlines import Outline, SectionOutlines
-from calfsocket.imaging.section import TOLERANCE, Section, smooth_outline
+from calfsocket.imaging.section import RADII, SKIN_RADII, TOLERANCE, Section, smooth_outline
 from calfsocket.imaging.source import sha256
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
@@ -152,7 +152,8 @@ def _outline(drawn: Drawn, points: Array, tolerance: float, name: str) -> Outlin
     """Return the spline through points that are smooth as they are, or one near them."""
     if len(points) <= _MANY and not drawn.corner():
         return Outline(curves.through(points))
-    return smooth_outline(points, tolerance, f"{drawn.path}, {name}")
+    radii = SKIN_RADII if name in ("skin", "muscle") else RADII
+    return smooth_outline(points, tolerance, f"{drawn.path}, {name}", radii)
 
 
 def _front(
