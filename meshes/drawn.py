@@ -65,17 +65,15 @@ class Piece:
             return [self.place] * len(self.points)
         return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
 
+    @property
+    def line(self) -> shapely.LineString:
+        """The piece as straight lines."""
+        return shapely.LineString(self.sample() if self.sample else self.points[:, :2])
+
     def dense(self) -> "Piece":
         """Return the same piece with points at most `STEP` apart."""
-        points = self.sample() if self.sample else self.points[:, :2]
-        sides = np.diff(points, axis=0)
-        numbers = np.ceil(np.linalg.norm(sides, axis=1) / STEP).astype(int)
-        parts = [
-            start + side * (np.arange(number) / number)[:, None]
-            for start, side, number in zip(points, sides, numbers, strict=False)
-            if number
-        ]
-        return replace(self, points=np.concatenate([*parts, points[-1:]]), sample=lambda: points)
+        points = shapely.get_coordinates(shapely.segmentize(self.line, STEP))
+        return replace(self, points=points, sample=lambda: points)
 
     def reversed(self) -> "Piece":
         """Return the same piece from its end to its start."""
@@ -264,9 +262,7 @@ def _listed(groups: Sequence[Sequence[Piece]]) -> str:
     """Describe the curves of a drawing."""
 
     def words(group: Sequence[Piece]) -> str:
-        length = sum(
-            np.linalg.norm(np.diff(piece.dense().points, axis=0), axis=1).sum() for piece in group
-        )
+        length = sum(piece.line.length for piece in group)
         layer = f" on layer '{group[0].layer}'" if group[0].layer else ""
         return f"{group[0].place}{layer}, {length:.0f} mm{'' if _is_closed(group) else ', open'}"
 

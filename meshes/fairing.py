@@ -1,6 +1,7 @@
 """Smooth curves through scanned outlines, whose points are uneven and noisy."""
 
 import numpy as np
+import shapely
 from scipy.interpolate import BSpline
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
@@ -12,8 +13,9 @@ from calfsocket.meshes.curves import Array, ClosedCurve
 #: How far a smooth curve may be from a rough outline unless the user says so, mm: four times the
 #: noise of a good scan, 0.05 mm.
 TOLERANCE = 0.2
-#: Distance of the knots, mm, and most of them: finer than any noise that is to be smoothed.
-KNOT_STEP, MOST_KNOTS = 1.0, 500
+#: Distance of the knots, mm, and most of them. A bump as narrow as TC's (7 degrees) is followed to
+#: 1e-4 mm; closer knots would follow the noise of dense scans.
+KNOT_STEP, MOST_KNOTS = 2.0, 250
 #: Points that an outline must have before its shape and its noise can be told apart.
 FEWEST = 32
 #: Smallest radius of curvature of a curve that counts as smooth, mm. A right angle rounded off so
@@ -24,6 +26,8 @@ SMALLEST_RADIUS = 2.0
 _ARC, _CHORD = 10.0, 8.0
 #: Distance of the points at which drawing and curve are compared, mm.
 _COMPARED = 0.25
+#: Places on the curve that are tried for each point: some 0.02 mm apart.
+_PLACES = 20_000
 #: Weights of the roughness that are tried, relative to the data's.
 _WEIGHTS = np.logspace(-6, 8, 71)
 #: How much more a free coefficient counts than by [2]_, against fits that follow the noise [3]_.
@@ -33,7 +37,11 @@ _ROUNDS = 3
 
 
 def fair(
-    points: Array, tolerance: float, noise: float = 0.0, radius: float = SMALLEST_RADIUS
+    points: Array,
+    tolerance: float,
+    noise: float = 0.0,
+    radius: float = SMALLEST_RADIUS,
+    step: float = KNOT_STEP,
 ) -> tuple[Array, float, Array]:
     r"""Return points of a smooth closed curve near those given.
 
@@ -57,6 +65,8 @@ def fair(
         steps of voxels, which depend on each other: cross-validation would follow them.
     radius
         Smallest radius of curvature of a curve that counts as smooth, mm.
+    step
+        Distance of the knots, mm.
 
     Returns
     -------
@@ -77,36 +87,45 @@ def fair(
     .. [3] Y.-J. Kim and C. Gu, Journal of the Royal Statistical Society B 66 (2004) 337-356,
        doi:10.1046/j.1369-7412.2003.05316.x.
     """
+    ring = shapely.LinearRing(points)
+    sides, arcs = _on_sides(points)
+    share = (
+        np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1).cumsum() / ring.length
+    )
+    number = int(np.clip(ring.length / step, 16, MOST_KNOTS))
+    for _ in range(_ROUNDS):
+        fit = _Fit(points, share, min(number, len(points)))
+        best = fit.best(noise)
+        places = np.linspace(0, 1, _PLACES, endpoint=False)
+        share = places[cKDTree(fit.spline(best)(places)).query(points)[1]]
+
+    def at(weight: float) -> tuple[Array, Array]:
+        found = fit.spline(weight)(np.arange(number) / number)
+        curve = curves.through(found)
+        off = cKDTree(curve.evaluate(curve.sample(0.05))).query(sides)[0]
+        return found, np.maximum(off - arcs, 0.0)
+
+    if at(best)[1].max() > tolerance:
+        # What is noise on the whole may be shape at one place.
+        closer = (float(weight) for weight in _WEIGHTS[_WEIGHTS < best][::-1])
+        best = next((weight for weight in closer if at(weight)[1].max() <= tolerance), best)
+    for weight in _WEIGHTS[_WEIGHTS >= best]:
+        found, distance = at(weight)
+        worst = int(np.argmax(distance))
+        if distance[worst] > tolerance or _is_smooth(curves.through(found), radius):
+            break
+    return found, float(distance[worst]), sides[worst]
+
+
+def _on_sides(points: Array) -> tuple[Array, Array]:
+    """Return vertices of a polygon and points between them, and by how much an arc leaves these."""
     closed = np.concatenate([points, points[:1]])
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1)))
-    share = along[:-1] / along[-1]
-    number = int(np.clip(along[-1] / KNOT_STEP, 16, min(MOST_KNOTS, len(points))))
-    sides, arcs = _on_sides(closed, along)
-    for _ in range(_ROUNDS):
-        fit = _Fit(points, share, number)
-        best = fit.best(noise)
-        share = _nearest(fit.spline(best), points)
-    found, place = _even(fit.spline(best), along[-1]), 0
-    if _off(found, sides, arcs).max() > tolerance:
-        # What is noise on the whole may be shape at one place.
-        for weight in _WEIGHTS[_WEIGHTS < best][::-1]:
-            if _off(_even(fit.spline(weight), along[-1]), sides, arcs).max() <= tolerance:
-                best = weight
-                break
-    for weight in _WEIGHTS[_WEIGHTS >= best]:
-        found = _even(fit.spline(weight), along[-1])
-        distance = _off(found, sides, arcs)
-        place = int(np.argmax(distance))
-        if distance[place] > tolerance or _is_smooth(curves.through(found), radius):
-            break
-    return found, float(distance[place]), sides[place]
-
-
-def _off(points: Array, sides: Array, arcs: Array) -> Array:
-    """Return the distances of points of a polygon from a curve, without what an arc explains."""
-    curve = curves.through(points)
-    off = cKDTree(curve.evaluate(curve.sample(0.05))).query(sides)[0]
-    return np.maximum(off - arcs, 0.0)
+    even = np.union1d(along[:-1], np.arange(0.0, along[-1], _COMPARED))
+    side = np.clip(np.searchsorted(along, even, side="right") - 1, 0, len(along) - 2)
+    before, after = even - along[side], along[side + 1] - even
+    between = np.column_stack([np.interp(even, along, closed[:, i]) for i in (0, 1)])
+    return between, np.where(before + after <= _CHORD, before * after / (2 * _ARC), 0.0)
 
 
 class _Fit:
@@ -114,6 +133,7 @@ class _Fit:
 
     def __init__(self, points: Array, share: Array, number: int) -> None:
         self._points, self._number = points, number
+        self._knots = np.arange(-3, number + 4) / number
         self._base = base = self._basis(share)
         third = np.roll(np.eye(number), 1, 1) - np.eye(number)
         third = third @ third @ third
@@ -125,12 +145,9 @@ class _Fit:
 
     def _basis(self, share: Array) -> csr_array:
         """Return the values of the periodic B-splines at shares of the way around."""
-        knots = np.arange(-3, self._number + 4) / self._number
-        open_basis = BSpline.design_matrix(share % 1.0, knots, 3).tocoo()
-        column = open_basis.col % self._number
-        return csr_array(
-            (open_basis.data, (open_basis.row, column)), shape=(len(share), self._number)
-        )
+        basis = BSpline.design_matrix(share % 1.0, self._knots, 3).tocoo()
+        shape = len(share), self._number
+        return csr_array((basis.data, (basis.row, basis.col % self._number)), shape=shape)
 
     def _coefficients(self, weight: float) -> tuple[Array, float]:
         """Return coefficients, and how many of them the data determine."""
@@ -157,34 +174,7 @@ class _Fit:
     def spline(self, weight: float) -> BSpline:
         """Return the curve over shares of the way around."""
         coefficients = self._coefficients(weight)[0]
-        knots = np.arange(-3, self._number + 4) / self._number
-        return BSpline(knots, np.concatenate([coefficients, coefficients[:3]]), 3)
-
-
-def _on_sides(closed: Array, along: Array) -> tuple[Array, Array]:
-    """Return vertices of a polygon and points between them, and by how much an arc leaves these."""
-    even = np.union1d(along[:-1], np.arange(0.0, along[-1], _COMPARED))
-    side = np.clip(np.searchsorted(along, even, side="right") - 1, 0, len(along) - 2)
-    before, after = even - along[side], along[side + 1] - even
-    points = np.column_stack([np.interp(even, along, closed[:, i]) for i in (0, 1)])
-    return points, np.where(before + after <= _CHORD, before * after / (2 * _ARC), 0.0)
-
-
-def _nearest(spline: BSpline, points: Array) -> Array:
-    """Return the shares of the way around at which a curve is nearest to points."""
-    share = np.linspace(0, 1, 20_000, endpoint=False)
-    return share[cKDTree(spline(share)).query(points)[1]]
-
-
-def _even(spline: BSpline, length: float) -> Array:
-    """Return points of a curve about `KNOT_STEP` apart."""
-    share = np.linspace(0, 1, 4001)
-    sides = np.linalg.norm(np.diff(spline(share), axis=0), axis=1)
-    along = np.append(0.0, np.cumsum(sides))
-    number = int(np.clip(length / KNOT_STEP, 16, MOST_KNOTS))
-    return np.asarray(
-        spline(np.interp(np.linspace(0, along[-1], number, endpoint=False), along, share))
-    )
+        return BSpline(self._knots, np.concatenate([coefficients, coefficients[:3]]), 3)
 
 
 def _is_smooth(curve: ClosedCurve, radius: float) -> bool:

@@ -231,7 +231,7 @@ class Limb(Strict):
                     f"regions.{key}" for key in _REMARKS[1] if each.pop(key, None) is not None
                 ]
                 each.setdefault("id", next(free))
-        found += [key for key in _REMARKS[0] if data.pop(key, "")]
+        found += [key for key in _REMARKS[0] if data.pop(key, None) is not None]
         if isinstance(data.get("axes"), dict) and "origin" in data["axes"]:
             data["axes"] = {key: data["axes"][key] for key in data["axes"] if key != "origin"}
             found.append("axes.origin")
@@ -280,8 +280,8 @@ class Limb(Strict):
         path = Path(path)
         if kind := kind_of(path):
             raise InputError(
-                f"{path}: is {kind}; a limb is a JSON file of closed curves in mm and the regions"
-                " between them: see docs/formats/geometry.md"
+                f"{path}: is {kind}; a limb is a JSON file, which `python3 -m calfsocket limb`"
+                " makes of scans, label maps and outlines: see its --help"
             )
         return read_json(path, cls)
 

@@ -19,7 +19,7 @@ PARTS = {
     "cavity": "tibia_medullary",
 }
 POINTS = {"skin": 300, "muscle": 300, "tibia": 150, "fibula": 80, "cavity": 100}
-LEVELS = 81
+LEVELS = 41
 
 
 @cache

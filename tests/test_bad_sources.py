@@ -312,6 +312,8 @@ TRIALS = (
     Trial("a tibia in two pieces", labelled(two_tibias), ("tibia is in pieces of",)),
     Trial("no tibia in the table", labelled(text="1,muscle\n2,ignore\n3,ignore\n"),
           ("add --anterior and --side",)),
+    Trial("bones alone", labelled(text="1,ignore\n2,tibia\n3,fibula\n"),
+          ("label skin or flesh too",)),
     Trial("grey values", an_image, ("an image, not labels",)),
     Trial("a label map with four dimensions", four_dimensions, ("has 4 dimensions",)),
     Trial("a NIfTI of 400 MB by its header", a_huge_header, ("400 MB announced",)),

@@ -1,5 +1,6 @@
 """Limbs from surfaces: the drawn-out calf comes back, wherever and however its surfaces lie."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from phantom import HEIGHT, Phantom, turned
 
 import calfsocket as cs
 from calfsocket.imaging.plane import Level, Plane, cut
+from calfsocket.imaging.ply import read_ply
 from calfsocket.meshes.limb import limb_curves
 
 PARTS = ("skin", "tibia", "fibula")
@@ -113,6 +115,38 @@ def test_fat_and_cavity_are_used_where_they_are_known(tmp_path: Path) -> None:
     # The muscle's envelope is moved where the tibia comes closer to it than 0.5 mm.
     whole = limb.areas["muscle"] + true["tibia"] + true["fibula"]
     assert whole == pytest.approx(true["muscle"], rel=0.005)
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply_as_programs_write_it(tmp_path: Path, kind: str) -> None:
+    """Colours, other types of numbers, lists for textures, quadrangles among triangles."""
+    points = np.array([[0.0, 0, 0], [30, 0, 0], [30, 40, 0], [0, 40, 0], [15, 20, 99]])
+    faces = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4), (3, 2, 1, 0)]
+    header = (
+        f"ply\nformat {kind} 1.0\ncomment a remark\nelement vertex 5\nproperty double x\n"
+        "property double y\nproperty double z\nproperty uchar red\nelement face 5\n"
+        "property list uchar uint vertex_index\nproperty list uchar float texcoord\n"
+        "property char quality\nend_header\n"
+    )
+    if kind == "ascii":
+        lines = [f"{x} {y} {z} 9" for x, y, z in points]
+        lines += [f"{len(f)} {' '.join(map(str, f))} 2 0.5 0.5 1" for f in faces]
+        content = "\n".join(lines).encode()
+    else:
+        order = "<" if "little" in kind else ">"
+        content = b"".join(struct.pack(f"{order}3dB", *point, 9) for point in points)
+        content += b"".join(
+            struct.pack(f"{order}B{len(f)}IB2fb", len(f), *f, 2, 0.5, 0.5, 1) for f in faces
+        )
+    (tmp_path / "a.ply").write_bytes(header.encode() + content)
+    found, triangles = read_ply(tmp_path / "a.ply")
+    assert found.tolist() == points.tolist()
+    fans = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [3, 2, 1], [3, 1, 0]]
+    assert triangles.tolist() == fans
+    for missing in (10, 60):
+        (tmp_path / "a.ply").write_bytes((header.encode() + content)[:-missing])
+        with pytest.raises(ValueError, match="missing"):
+            read_ply(tmp_path / "a.ply")
 
 
 def test_parts_may_be_said(tmp_path: Path) -> None:

@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     ),
     option(
         "--level",
-        default="0.5",
         metavar="LEVEL",
         help="share of the height, 0 distal to 1 proximal, or '80 mm', '80 mm from proximal'"
-        " (default: %(default)s)",
+        " (default: 0.5)",
     ),
     option(
         "--plane",
@@ -107,20 +106,24 @@ if TYPE_CHECKING:
         option("--voxel", metavar="X,Y,Z", help="size of a voxel of a stack of pictures, mm"),
     ),
     description="""\
-Make a limb from surfaces of its skin and bones, or from a label map: a section square to the
-tibia's axis, with smooth curves within a tolerance of the data. Write it as JSON, for `limb = ...`
-in a study file, with a picture of the section over the source.
+Make a limb from surfaces of its skin and bones, from a label map, or from outlines: a section
+square to the tibia's axis, with smooth curves within a tolerance of the data, and in it the regions
+of the reference calf. Write it as JSON, for `limb = ...` in a study file, with a picture of the
+section over the source.
 
 SOURCE is STL, PLY, OBJ, VTP or AOP, in mm: a file for each tissue (skin.stl, tibia.stl, ...), or
 one with several closed shells, of which skin and bones are told by nesting and size. Level 0 is the
 distal end. Or it is a label map: NIfTI, NRRD, MetaImage, a TIFF of several pages, or a folder of
-PNG or TIFF slices. Side and directions follow from tibia and fibula where the source has both.
+PNG or TIFF slices. Or it is the section itself: a CSV, DXF or SVG outline for each of skin.csv,
+tibia.csv, ..., or one drawing with a layer for each. Side and directions follow from tibia and
+fibula where the source has both.
 """,
     epilog="""\
 examples:
   python3 -m calfsocket limb leg.stl --level 0.4 --out my-limb.json
   python3 -m calfsocket limb skin.ply tibia.ply fibula.ply --level '120 mm' --side left
   python3 -m calfsocket limb segmentation.nii.gz --labels labels.csv --level 0.5
+  python3 -m calfsocket limb scan.aop --side left --anterior +y
 """,
 )
 @first_rank
@@ -162,7 +165,9 @@ def _section(arguments: Namespace) -> "Section":
     if any(map(is_drawing, arguments.source)):
         return _drawn(arguments, said, roles)
     plane = plane_of(arguments.plane) if arguments.plane else None
-    level = None if plane else Level.parse(arguments.level)
+    if plane and arguments.level:
+        raise InputError("--plane: is given with --level; give one of them")
+    level = None if plane else Level.parse(arguments.level or 0.5)
     voxel = voxel_of(arguments.voxel) if arguments.voxel else None
     source = read_source(arguments.source, arguments.units, roles, arguments.labels, voxel)
     return section(source, find_anatomy(source, said), level, plane, arguments.tolerance)
@@ -174,10 +179,12 @@ def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Sectio
     from calfsocket.imaging.section import TOLERANCE
 
     for name, value in (
+        ("--level", arguments.level),
         ("--plane", arguments.plane),
         ("--labels", arguments.labels),
         ("--voxel", arguments.voxel),
         ("--proximal", arguments.proximal),
+        ("--units", arguments.units != "mm"),
     ):
         if value:
             raise InputError(f"{name}: does not belong to a drawing of the section; omit it")

@@ -100,6 +100,8 @@ def read_labels(
     volume = read_volume(path, voxel)
     here = _present(volume, meanings, table)
     used = {label: each for label, each in here.items() if each.region != _IGNORED}
+    if all(each.tissue in ("bone", "vessel") for each in used.values()):
+        raise InputError(f"{path}: has bones and vessels alone; label skin or flesh too")
     remarks: list[str] = []
 
     def shell(name: str, labels: Sequence[int], filled: bool = True) -> Shell:

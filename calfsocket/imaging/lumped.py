@@ -177,7 +177,7 @@ def _curve(polygon: shapely.Polygon) -> ClosedCurve:
     points: Array = shapely.get_coordinates(even)[:-1]
     if not polygon.exterior.is_ccw:
         points = points[::-1]
-    return curves.through(fair(points, _TOLERANCE)[0])
+    return curves.through(fair(points, _TOLERANCE, step=2 * _STEP)[0])
 
 
 def _spline(curve: ClosedCurve) -> dict[str, Any]:

@@ -22,8 +22,8 @@ TOLERANCE = 0.2
 #: Root mean square of the distances of a curve from the steps of voxels that it went through, in
 #: voxels: 0.16 to 0.25 for the outlines of the reference calf.
 _STEPS = 0.18
-#: Smallest radius of curvature, mm: that of the edges of a fibula.
-_SMALLEST_RADIUS = 1.0
+#: Smallest radius of curvature and distance of the knots, mm: small bones have sharp edges.
+_SMALLEST_RADIUS, _KNOTS = 1.0, 1.0
 #: A second part of a bone or of the skin with more than this share of the area of the first is no
 #: debris.
 _SECOND_PART = 0.05
@@ -306,7 +306,7 @@ def smooth_outline(points: Array, tolerance: float, at: str, noise: float = 0.0)
         points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
     if len(points) < FEWEST:
         raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
-    smooth, deviation, place = fair(points, tolerance, noise, _SMALLEST_RADIUS)
+    smooth, deviation, place = fair(points, tolerance, noise, _SMALLEST_RADIUS, _KNOTS)
     if deviation > tolerance:
         enough = np.ceil(20 * deviation) / 20
         raise InputError(

@@ -18,6 +18,8 @@ from calfsocket.meshes.curves import Array
 _RIM = 15.0
 #: A shell inside the skin with more than this share of its volume is the muscle envelope.
 _ENVELOPE = 0.45
+#: Pieces with less than this share of the area of their file's largest are left out.
+_CRUMB = 0.003
 #: A fibula has less than this share of the tibia's volume, runs beside it for this share of its
 #: own length, and is this many times longer than thick. A patella and a femur fail in the last.
 _FIBULA_VOLUME, _FIBULA_OVERLAP, _FIBULA_SLENDER = 0.4, 0.5, 1.5
@@ -103,14 +105,21 @@ def read_surface(
     shells = read_shells(files, units)
     named = _as_said(shells, said or {}) or {}
     named = _as_files_say(shells, named)
-    remarks = [f"{role}: {shell}, as said" for role, shell in named.items()]
+    remarks = [f"{role}: {shell.title}" for role, shell in named.items()]
     left = [shell for shell in shells if shell not in named.values()]
+    left, crumbs = _without_crumbs(left, shells)
+    if crumbs:
+        remarks.append(
+            f"{len(crumbs)} pieces below {100 * _CRUMB:g} % of a file's largest left out"
+        )
     skin = named.pop("skin", None) or _skin(left)
     left = [shell for shell in left if shell is not skin]
     check_size(str(skin), skin.surface, units)
-    left, debris = _inside(skin, left), [s for s in left if s not in _inside(skin, left)]
-    _check_one_limb(skin, debris)
-    remarks += [f"{shell}: outside the skin, left out" for shell in debris]
+    inside = _inside(skin, left)
+    outside = [shell for shell in left if shell not in inside]
+    _check_one_limb(skin, outside)
+    remarks += [f"{shell.title}: outside the skin, left out" for shell in outside]
+    left = inside
     muscle = named.pop("muscle", None) or _envelope(skin, left)
     left = [shell for shell in left if shell is not muscle]
     bones = {role: shell for role, shell in named.items() if role in _BONES}
@@ -118,7 +127,7 @@ def read_surface(
     bones |= _bones(left, bones)
     for role in ("tibia", "fibula"):
         if role in bones and not any(line.startswith(f"{role}:") for line in remarks):
-            remarks.append(f"{role}: {bones[role]}, by its size and place")
+            remarks.append(f"{role}: {bones[role].title}, by its size and place")
     return Source(
         names=", ".join(path.name for path in files),
         files={path.name: sha256(path) for path in files},
@@ -129,6 +138,17 @@ def read_surface(
         side=_stated_side(files),
         remarks=tuple(remarks),
     )
+
+
+def _without_crumbs(
+    shells: Sequence[Shell], every: Sequence[Shell]
+) -> tuple[list[Shell], list[Shell]]:
+    """Separate what scanners leave: pieces much smaller than the largest of their file."""
+    largest: dict[Path, float] = {}
+    for shell in every:
+        largest[shell.path] = max(largest.get(shell.path, 0.0), shell.surface.area)
+    small = [each for each in shells if each.surface.area < _CRUMB * largest[each.path]]
+    return [each for each in shells if each not in small], small
 
 
 def sha256(path: Path) -> str:

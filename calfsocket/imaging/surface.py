@@ -5,12 +5,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pyvista
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from calfsocket.imaging.aop import read_aop
+from calfsocket.imaging.ply import read_ply
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable
 from calfsocket.meshes.curves import Array
@@ -27,7 +27,7 @@ _SAME = 1e-4
 _FEWEST_TRIANGLES = 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shell:
     """A connected surface.
 
@@ -45,6 +45,12 @@ class Shell:
     name: str
     surface: pyvista.PolyData
     path: Path
+
+    @property
+    def title(self) -> str:
+        """Name it for records, without the folder."""
+        file = self.path.name
+        return f"{file}: {self.name}" if self.name != self.path.stem else file
 
     def __str__(self) -> str:
         """Name it for messages."""
@@ -96,7 +102,7 @@ def _scaled(path: Path, units: str) -> pyvista.PolyData:
 #: What readers raise for files that are no such files.
 _UNREADABLE = (
     ValueError, KeyError, IndexError, TypeError, OSError, EOFError, MemoryError,
-    OverflowError, AssertionError, AttributeError, meshio.ReadError,
+    OverflowError, AttributeError,
 )  # fmt: skip
 
 
@@ -140,24 +146,11 @@ def _check_stl(path: Path) -> None:
         raise ValueError(f"{number} triangles announced, {max(0, size - 84) // 50} there")
 
 
-def _by_meshio(path: Path) -> tuple[Array, np.ndarray]:
-    """Read by meshio, because VTK's reader of PLY crashes where the file ends too early."""
-    mesh = meshio.ply.read(path)
-    faces: list[np.ndarray] = [np.empty((0, 3), int)]
-    for block in mesh.cells:
-        cells = np.asarray(block.data)
-        # Polygons of more corners as fans; the faces of scans are triangles, quadrangles at most.
-        if block.type in ("triangle", "quad", "polygon"):
-            corners = cells.shape[1]
-            faces += [cells[:, [0, i, i + 1]] for i in range(1, corners - 1)]
-    return np.asarray(mesh.points, dtype=float), np.concatenate(faces).astype(np.int64)
-
-
 READERS: Mapping[str, Callable[[Path], tuple[Array, np.ndarray]]] = {
     ".stl": _by_vtk,
     ".obj": _by_vtk,
     ".vtp": _by_vtk,
-    ".ply": _by_meshio,
+    ".ply": read_ply,
     ".aop": read_aop,
 }
 
