@@ -27,6 +27,7 @@ BELLIES = [region.name for region in LIMB.regions if region.tissue == "muscle"]
 VESSELS = [region.name for region in LIMB.regions if region.tissue == "vessel"]
 BONES = "tibia", "fibula"
 ATLAS = thickness(LIMB)
+LOOP = {name: Outline(curve) for name, curve in LOOPS.items()}
 
 
 def linear(*rows: tuple[float, float]) -> Deformation:
@@ -242,6 +243,35 @@ def test_layers_thin_out_where_skin_lies_on_bone(by: float, thinner: bool) -> No
     assert made.thickness["fat"].smallest > 0.15
 
 
+def test_fat_reaches_down_to_the_tibia_under_a_skin_that_is_far_from_it() -> None:
+    """Over the medial face of the tibia is no muscle, so that the fascia lies on the bone."""
+    plain = known_of()
+    made = carried(replace(plain, skin=Outline(moved_in(plain.skin.curve, -12.0))))
+    envelope = body(limb_curves(made.limb)["fascia_outer"]).exterior
+    face = LOOPS["tibia"].evaluate(LOOPS["tibia"].sample(0.5))
+    angle = np.rad2deg(np.arctan2(face[:, 1], face[:, 0]))
+    # Points of the medial face: they are those that look away from the muscles.
+    outward = LOOPS["tibia"].normal(LOOPS["tibia"].sample(0.5)) @ [-0.75, 0.66]
+    medial = face[(outward > 0.95) & (angle > 108) & (angle < 132)]
+    assert len(medial) > 10
+    gap = shapely.distance(shapely.points(medial), envelope)
+    assert gap.max() < 1.5 and gap.min() > 0.5
+
+
+def test_the_marrow_cavity() -> None:
+    cavity = Outline(moved_in(LOOPS["tibia_medullary"], 0.8))
+    made = carried(replace(known_of(), cavities={"tibia": cavity, "fibula": cavity}))
+    assert limb_curves(made.limb)["tibia_medullary"].area == pytest.approx(
+        cavity.curve.area, rel=1e-3
+    )
+    assert made.warnings == ("the marrow cavity of the fibula is not used: it is solid",)
+    loops = limb_curves(limb_of("flat").limb)
+    assert body(loops["tibia"]).exterior.distance(body(loops["tibia_medullary"])) > 1.1
+    true = body(deformed("flat")["tibia_medullary"])
+    found = body(loops["tibia_medullary"])
+    assert 2 * found.intersection(true).area / (found.area + true.area) > 0.95
+
+
 def test_given_fat() -> None:
     plain = known_of()
     thin = carried(replace(plain, skin=Outline(moved_in(plain.skin.curve, 1.5))), fat_thickness=3.4)
@@ -257,6 +287,23 @@ def test_given_fat() -> None:
     assert fat.thickness["fat"].median == pytest.approx(ATLAS["fat"].median + 15, rel=0.05)
     regions = {region.name: region for region in fat.limb.regions}
     assert regions["deep_fascia"].origin == "measured"
+
+
+def test_veins_in_thin_fat() -> None:
+    """An assumed envelope gives way to them; under a measured one they are smaller."""
+    plain = known_of()
+    made = carried(replace(plain, skin=Outline(moved_in(plain.skin.curve, 2.5))), fat_thickness=2.0)
+    veins = "great_saphenous_vein", "small_saphenous_vein"
+    for vein in veins:
+        assert made.limb.areas[vein] == pytest.approx(LIMB.areas[vein], rel=0.02)
+    assert not made.warnings
+    envelope = Outline(moved_in(LOOPS["skin_outline"], 4.0))
+    bones = {"tibia": Outline(moved_in(LOOPS["tibia"], 1.0)), "fibula": LOOP["fibula"]}
+    made = carried(replace(plain, muscle_envelope=envelope, bones=bones))
+    assert [line.split(" ")[0] for line in made.warnings] == list(veins)
+    assert all("the fat is" in line for line in made.warnings)
+    for vein in veins:
+        assert 1.0 < made.limb.areas[vein] < 0.9 * LIMB.areas[vein]
 
 
 def test_an_envelope_of_the_muscles_alone_is_widened_around_the_bones() -> None:
@@ -377,7 +424,6 @@ def bad(**changes: object) -> SectionOutlines:
     return replace(known_of(), **changes)  # type: ignore[arg-type]
 
 
-LOOP = {name: Outline(curve) for name, curve in LOOPS.items()}
 REFUSED = {
     "no axes": (lambda: bad(frame=Frame()), "needs to know what is lateral and anterior"),
     "femur": (lambda: bad(bones={"femur": LOOP["tibia"]}), "choose a level between knee and ankle"),
@@ -401,6 +447,10 @@ REFUSED = {
     "muscles through the skin": (
         lambda: bad(muscle_envelope=Outline(moved_in(LOOPS["skin_outline"], -2.0))),
         "muscles: lies outside the skin",
+    ),
+    "cavity outside its bone": (
+        lambda: bad(cavities={"tibia": Outline(curves.ellipse((-10.0, 10.0), (5.0, 4.0), 0.0))}),
+        r"regions.tibia: hole 'tibia_medullary' is not inside|curves.tibia.*comes within",
     ),
     "region of a layer": (
         lambda: bad(regions={"skin": ("skin", LOOP["soleus"])}),

@@ -344,7 +344,7 @@ class Regions:
         }
         if outlines.side:
             content |= {"side": outlines.side, "seen_from": frame.view(outlines.side)}
-        return Limb.model_validate(content)
+        return Limb(**content)
 
 
 def _without_holes(area: BaseGeometry) -> shapely.Polygon:
