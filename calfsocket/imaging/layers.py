@@ -101,6 +101,7 @@ def layers(
     thickness: float,
     fat: Callable[[Array], Fat],
     bones: dict[str, Ring],
+    muscles: dict[str, Ring],
     envelope: Ring | None,
     at: Callable[[Array], str],
 ) -> Layers:
@@ -114,8 +115,8 @@ def layers(
         Of the skin, mm.
     fat : callable
         Arc length along the skin -> the fat that is expected there.
-    bones : dict of str to Ring
-        Below.
+    bones, muscles : dict of str to Ring
+        Below: all bones, and single muscles and deep vessels that the source has.
     envelope : Ring, optional
         Around the muscles where it is known; fat is then what lies between it and the skin.
     at : callable
@@ -128,15 +129,15 @@ def layers(
     """
     s = skin.even(int(skin.length / _STEP))
     points = skin.at(s)
-    below = {name: ring.points for name, ring in bones.items()}
+    below = {name: ring.points for name, ring in (bones | muscles).items()}
     under, widened = OVER_BONE, 0.0
     if envelope is not None:
-        muscles = polygon(envelope)
+        given = polygon(envelope)
         cover = [polygon(ring).buffer(OVER_BONE) for ring in bones.values()]
-        deep = muscles
-        if not all(muscles.contains(each) for each in cover):
-            deep = _closed(shapely.union_all([muscles, *cover]))
-            widened = float(shapely.hausdorff_distance(muscles, deep))
+        deep = given
+        if not all(given.contains(each) for each in cover):
+            deep = _closed(shapely.union_all([given, *cover]))
+            widened = float(shapely.hausdorff_distance(given, deep))
         below, under = {"muscles": shapely.get_coordinates(deep.exterior)[:-1]}, 0.0
     room = np.array([shapely.distance(shapely.points(points), shapely.LinearRing(each))
                      for each in below.values()])  # fmt: skip
