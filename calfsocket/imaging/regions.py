@@ -227,12 +227,12 @@ class Regions:
         region, outline = self.atlas.fascia, self.section.outlines.muscle_envelope
         if outline is not None:
             self._measured(region, outline)
-            away = outline.deviation_mm + self.layers.widened
-            if self.layers.widened > 0:
+            away = outline.deviation_mm + self.layers.moved
+            if self.layers.moved > 0:
                 self.curves[region.outer] = self.section.points(self.layers.envelope)
                 self.warnings.append(
-                    f"the muscles' envelope was widened by up to {self.layers.widened:.1f} mm to"
-                    " have the bones in it"
+                    f"the muscles' envelope was moved by up to {self.layers.moved:.1f} mm, to"
+                    " have the bones in it and room for the skin"
                 )
             self.origin[region.name] = RegionOrigin(self.origin[region.name].origin, away)
             return
