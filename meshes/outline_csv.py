@@ -19,7 +19,7 @@ import numpy as np
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import SAME_POINT, Array
-from calfsocket.meshes.drawn import UNITS, Choice, Drawn, check_flat
+from calfsocket.meshes.drawn import UNITS, Drawn, OutlineFile, check_flat
 
 #: The outline is open where it closes with a side this many times as long as the longest other.
 _OPENING = 3.0
@@ -36,7 +36,7 @@ _COLUMN = re.compile(
 _Row = tuple[int, list[str]]
 
 
-def read_csv(path: Path, choice: Choice) -> Drawn:
+def read_csv(path: Path, file: OutlineFile) -> Drawn:
     """Read the points of an outline.
 
     Raises
@@ -44,7 +44,7 @@ def read_csv(path: Path, choice: Choice) -> Drawn:
     InputError
         Naming file and line.
     """
-    if choice.layer is not None or choice.curve is not None:
+    if file.layer is not None or file.curve is not None:
         raise InputError(f"{path}: a CSV has one curve and no layers; remove `layer` and `curve`")
     rows = _rows(path)
     names = 0
@@ -59,7 +59,7 @@ def read_csv(path: Path, choice: Choice) -> Drawn:
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) <= SAME_POINT:
         points, places = points[:-1], places[:-1]
     said = f"its header says {unit}" if unit not in ("", "mm") else ""
-    drawn = Drawn.of(path, points[:, :2], places, said, choice.extent)
+    drawn = Drawn.of(path, points[:, :2], places, said, file.extent)
     _check_closed(drawn)
     return drawn
 

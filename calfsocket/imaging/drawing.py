@@ -2,18 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import shapely
 
 from calfsocket.imaging.anatomy import FIBULA_ANGLE, LEAST_SINE, Said, direction
 from calfsocket.imaging.outlines import Outline, SectionOutlines
-from calfsocket.imaging.section import TOLERANCE, Section, smooth_outline
+from calfsocket.imaging.section import RADII, SKIN_RADII, TOLERANCE, Section, smooth_outline
 from calfsocket.imaging.source import sha256
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import Choice, Drawn
+from calfsocket.meshes.drawn import Drawn, OutlineFile
 from calfsocket.meshes.frame import Frame, View
 from calfsocket.meshes.outline import READERS
 
@@ -23,6 +24,12 @@ ROLES = ("skin", "muscle", "tibia", "fibula", "tibia_cavity")
 _INNER = (2.0, 400.0)
 #: Points of a skin or bone from which a spline through them is taken to be what was meant.
 _MANY = 400
+
+
+class _Inner(OutlineFile):
+    """How an outline within the skin is read."""
+
+    extent: ClassVar[tuple[float, float]] = _INNER
 
 
 def is_drawing(path: Path) -> bool:
@@ -141,8 +148,7 @@ def _one(path: Path, role: str, layer: str | None) -> Drawn:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: is no outline; export it as one of {', '.join(READERS)}")
-    choice = Choice(layer) if role == "skin" else Choice(layer, extent=_INNER)
-    drawn = reader(path, choice)
+    drawn = reader(path, (OutlineFile if role == "skin" else _Inner)(layer=layer))
     if not shapely.LinearRing(drawn.points).is_ccw:
         return Drawn(path, drawn.points[::-1], drawn.places[::-1], drawn.unit)
     return drawn
@@ -152,7 +158,8 @@ def _outline(drawn: Drawn, points: Array, tolerance: float, name: str) -> Outlin
     """Return the spline through points that are smooth as they are, or one near them."""
     if len(points) <= _MANY and not drawn.corner():
         return Outline(curves.through(points))
-    return smooth_outline(points, tolerance, f"{drawn.path}, {name}")
+    radii = SKIN_RADII if name in ("skin", "muscle") else RADII
+    return smooth_outline(points, tolerance, f"{drawn.path}, {name}", radii)
 
 
 def _front(

@@ -22,8 +22,12 @@ TOLERANCE = 0.2
 #: Root mean square of the distances of a curve from the steps of voxels that it went through, in
 #: voxels: 0.16 to 0.25 for the outlines of the reference calf.
 _STEPS = 0.18
-#: Smallest radius of curvature and distance of the knots, mm: small bones have sharp edges.
-_SMALLEST_RADIUS, _KNOTS = 1.0, 1.0
+#: Smallest radius of curvature, mm, that is tried for a curve, one after the other until it stays
+#: within the tolerance. A skin bends less than a bone: 15 mm in the reference calf, whose bones
+#: bend by 2 mm; what bends more is noise. A socket's wall of 4.5 mm needs 5 mm.
+SKIN_RADII, RADII = (20.0, 10.0, 5.0, 2.0, 1.0), (2.0, 1.0)
+#: Distance of the knots, mm.
+_KNOTS = 1.0
 #: A second part of a bone or of the skin with more than this share of the area of the first is no
 #: debris.
 _SECOND_PART = 0.05
@@ -162,7 +166,8 @@ def section(
     def outline(name: str, body: shapely.Polygon, most: float) -> Outline:
         points = _counter_clockwise(body) - centre
         data[name] = points
-        found = smooth_outline(points, most, f"{at}, {name}", _STEPS * voxel)
+        radii = SKIN_RADII if name in ("skin", "muscle") else RADII
+        found = smooth_outline(points, most, f"{at}, {name}", radii, _STEPS * voxel)
         if found.deviation_mm > tolerance:
             remarks.append(f"{name}: leaves the data by {found.deviation_mm:.2f} mm")
         return found
@@ -291,13 +296,17 @@ def _counter_clockwise(body: shapely.Polygon) -> Array:
     return np.roll(points, -int(np.argmax(points[:, 0])), axis=0)
 
 
-def smooth_outline(points: Array, tolerance: float, at: str, noise: float = 0.0) -> Outline:
+def smooth_outline(
+    points: Array, tolerance: float, at: str, radii: Sequence[float] = RADII, noise: float = 0.0
+) -> Outline:
     """Return the smooth curve within a tolerance, mm, of a closed polygon.
 
     Parameters
     ----------
     at
         What it is, for errors.
+    radii
+        Smallest radii of curvature, mm, in the order in which they are tried.
     noise
         Root mean square of its steps, mm, where they come from voxels.
     """
@@ -306,8 +315,11 @@ def smooth_outline(points: Array, tolerance: float, at: str, noise: float = 0.0)
         points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
     if len(points) < FEWEST:
         raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
-    smooth, deviation, place = fair(points, tolerance, noise, _SMALLEST_RADIUS, _KNOTS)
-    if deviation > tolerance:
+    for radius in radii:
+        smooth, deviation, place = fair(points, tolerance, noise, radius, _KNOTS)
+        if deviation <= tolerance:
+            break
+    else:
         enough = np.ceil(20 * deviation) / 20
         raise InputError(
             f"{at}: a smooth curve leaves the outline by {deviation:.2f} mm at {xy(place)}, more"

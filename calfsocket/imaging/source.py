@@ -16,6 +16,8 @@ from calfsocket.meshes.curves import Array
 
 #: How far, mm, the box of a bone may leave that of the skin: an open rim ends where it was cut.
 _RIM = 15.0
+#: The same, mm, of a marrow cavity and its bone: both may end in one plane.
+_NOISE = 1.0
 #: A shell inside the skin with more than this share of its volume is the muscle envelope.
 _ENVELOPE = 0.45
 #: Pieces with less than this share of the area of their file's largest are left out.
@@ -250,7 +252,7 @@ def _cavities(
     for bone, shell in permutations(bones, 2):
         low, high = _box(bone.surface)
         box = _box(shell.surface)
-        if shell not in shells or np.any(box[0] < low) or np.any(box[1] > high):
+        if shell not in shells or np.any(box[0] < low - _NOISE) or np.any(box[1] > high + _NOISE):
             continue
         some = shell.surface.points[:: max(1, shell.surface.n_points // 50)]
         enclosed = pyvista.PolyData(some).select_enclosed_points(bone.surface, check_surface=False)
