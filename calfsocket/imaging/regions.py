@@ -265,8 +265,10 @@ class Regions:
                 )
             if self._fill_area(regions.pop(name), body, RegionOrigin("atlas")):
                 found[name] = body
-        for name in regions:
-            self.warnings.append(f"{name} is left out: there is no room for it")
+        if regions:
+            self.warnings.append(
+                f"left out, for there is no room between their neighbours: {', '.join(regions)}"
+            )
         return found
 
     def _regions(self, own: Mapping[str, Region], kind: str) -> dict[str, Region]:
