@@ -27,6 +27,7 @@ SUBJECTS = (
     "test_bad_input",
     "test_bad_outlines",
     "test_bad_sources",
+    "test_bad_sections",
     "test_faults",
     "test_mpi_faults",
 )

@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from calfsocket.imaging.landmarks import Ring
 from calfsocket.imaging.outlines import SectionOutlines
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array, ClosedCurve, Point
 from calfsocket.meshes.frame import Frame
-from calfsocket.meshes.limb import FIBULA
+from calfsocket.meshes.limb import FIBULA, MIN_GAP
 
 #: Names of outlines that no region can have.
 NOT_REGIONS = "skin", "envelope", "cavity", "tibia", "fibula"
@@ -70,6 +71,12 @@ class AlignedSection:
     def _check_fibula(self) -> None:
         if "fibula" not in self.rings:
             return
+        tibia, fibula = (shapely.Polygon(self.rings[name].points) for name in ("tibia", "fibula"))
+        if tibia.distance(fibula) < MIN_GAP:
+            place = shapely.get_coordinates(shapely.shortest_line(tibia, fibula))[0]
+            raise InputError(
+                f"tibia and fibula overlap or touch at {self.at(place)}; correct the outlines"
+            )
         x, y = self.rings["fibula"].centroid - self.rings["tibia"].centroid
         angle = np.rad2deg(np.arctan2(y, x)) % 360
         if FIBULA[0] > angle > FIBULA[1]:

@@ -132,14 +132,30 @@ def carried(
         assumed.append(f"fat: {scale:.2f} times as thick as the atlas's, {_BARE}")
     else:
         scale = 1.0  # not used: what lies outside the envelope is fat
+    muscles = {
+        name: section.rings[name] for name, (tissue, _) in outlines.regions.items()
+        if tissue == "muscle" or name in atlas.inlays
+    }  # fmt: skip
     under = layers(
-        section.skin, skin, lambda s: _fat(atlas, found, s, scale), bones, envelope, section.at
-    )
+        section.skin, skin, lambda s: _fat(atlas, found, s, scale), bones, muscles, envelope,
+        section.at,
+    )  # fmt: skip
     if envelope is not None:
         found = around_bones(atlas, "envelope", under.envelope_ring, bones)
-    bellies = {name: section.rings[name] for name in outlines.regions if name in atlas.bellies}
-    found = with_layers(found, atlas, section.skin, under.envelope_ring, bellies)
-    smooth, determinant = smooth_map(found, atlas, section.at)
+    bellies = {name: ring for name, ring in muscles.items() if name in atlas.bellies}
+    outer = found
+    found = with_layers(outer, atlas, section.skin, under.envelope_ring, bellies)
+    try:
+        smooth, determinant = smooth_map(found, atlas, section.at)
+    except InputError:
+        if not bellies:
+            raise
+        warnings.append(
+            "the map does not follow the muscles of the source, which lie too differently from the"
+            " atlas's: their neighbours are cut back instead"
+        )
+        found = with_layers(outer, atlas, section.skin, under.envelope_ring, {})
+        smooth, determinant = smooth_map(found, atlas, section.at)
     regions = Regions(atlas, section, bones, under, smooth, found)
     assumed.append(
         "muscles, vessels and fascia that the source lacks: of the atlas, which is one section of a"

@@ -7,10 +7,9 @@ from functools import cached_property
 import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
-from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.landmarks import Ring
-from calfsocket.imaging.shapes import band, curve_around, polygon, rounded
+from calfsocket.imaging.shapes import band, curve_around, outside, polygon, rounded
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array, ClosedCurve
 
@@ -25,6 +24,8 @@ OVER_BONE = 0.6
 #: Half the width of notches between the muscles of a source and a bone beside them, mm, that belong
 #: to the fascia.
 NOTCH = 2.0
+#: How far muscles of a source may leave the skin, mm: two voxels of a coarse segmentation.
+VOXEL = 2.0
 #: Over what length along the skin a thickness changes, mm.
 _BLEND = 2.0
 #: Smallest radii of the curves below skin and fat, mm, while corners are sharper above them.
@@ -80,15 +81,16 @@ class Layers:
         Under the skin, and around the fascia of the muscles.
     thinned : tuple of Thinned
         Where skin and fascia are thinner than they should be.
-    widened : float
-        How far an envelope of the source was moved outward to have the bones in it, mm.
+    moved : float
+        How far an envelope of the source was moved to have the bones in it and the skin around
+        it, mm.
     """
 
     thickness: float
     skin_inner: ClosedCurve
     envelope: ClosedCurve
     thinned: tuple[Thinned, ...]
-    widened: float = 0.0
+    moved: float = 0.0
 
     @cached_property
     def envelope_ring(self) -> Ring:
@@ -101,6 +103,7 @@ def layers(
     thickness: float,
     fat: Callable[[Array], Fat],
     bones: dict[str, Ring],
+    muscles: dict[str, Ring],
     envelope: Ring | None,
     at: Callable[[Array], str],
 ) -> Layers:
@@ -114,8 +117,8 @@ def layers(
         Of the skin, mm.
     fat : callable
         Arc length along the skin -> the fat that is expected there.
-    bones : dict of str to Ring
-        Below.
+    bones, muscles : dict of str to Ring
+        Below: all bones, and single muscles and deep vessels that the source has.
     envelope : Ring, optional
         Around the muscles where it is known; fat is then what lies between it and the skin.
     at : callable
@@ -128,31 +131,26 @@ def layers(
     """
     s = skin.even(int(skin.length / _STEP))
     points = skin.at(s)
-    below = {name: ring.points for name, ring in bones.items()}
-    under, widened = OVER_BONE, 0.0
+    below = {name: ring.points for name, ring in (bones | muscles).items()}
+    body, under, moved = polygon(skin), OVER_BONE, 0.0
     if envelope is not None:
-        muscles = polygon(envelope)
-        cover = [polygon(ring).buffer(OVER_BONE) for ring in bones.values()]
-        deep = muscles
-        if not all(muscles.contains(each) for each in cover):
-            deep = _closed(shapely.union_all([muscles, *cover]))
-            widened = float(shapely.hausdorff_distance(muscles, deep))
-        below, under = {"muscles": shapely.get_coordinates(deep.exterior)[:-1]}, 0.0
+        given = polygon(envelope)
+        deep = _with_bones(_below_skin(given, body, thickness), bones)
+        moved = 0.0 if deep is given else float(shapely.hausdorff_distance(given, deep))
+        below, under = {"muscles": outside(deep)}, 0.0
     room = np.array([shapely.distance(shapely.points(points), shapely.LinearRing(each))
                      for each in below.values()])  # fmt: skip
     names, nearest = list(below), room.argmin(axis=0)
     least = room.min(axis=0)
-    inside = np.zeros(len(s), dtype=bool)
+    bare = np.zeros(len(s), dtype=bool)
     for each in below.values():
-        inside |= shapely.contains_xy(shapely.Polygon(each), *points.T)
+        bare |= shapely.contains_xy(shapely.Polygon(each), *points.T)
     share = np.minimum(least / (thickness + LEAST_FAT + under), 1.0)
-    share[inside] = -1.0
+    share[bare] = -1.0
     worst = int(np.argmin(share))
     if share[worst] < LEAST_SHARE:
         where = (
-            "outside the skin"
-            if inside[worst]
-            else f"{least[worst]:.2f} mm below the skin's surface"
+            "outside the skin" if bare[worst] else f"{least[worst]:.2f} mm below the skin's surface"
         )
         raise InputError(
             f"{names[nearest[worst]]}: lies {where} at {at(points[worst])}; skin, fat and fascia"
@@ -161,16 +159,27 @@ def layers(
     free = np.where(share < 1.0, share * LEAST_FAT, least - thickness - under)
     skin_width = _gently(share * thickness)
     fat_width = np.minimum(fat(s).over(least - thickness), _gently(free))
-    body = polygon(skin)
     inner = rounded(body.difference(band(points, skin_width)), SKIN_RADIUS)
     thinned = tuple(_stretches(skin, s, share, names, nearest, skin_width, fat_width))
     if envelope is None:
         deep = rounded(body.difference(band(points, skin_width + fat_width)), ENVELOPE_RADIUS)
-    return Layers(thickness, curve_around(inner), curve_around(deep), thinned, widened)
+    return Layers(thickness, curve_around(inner), curve_around(deep), thinned, moved)
 
 
-def _closed(area: BaseGeometry) -> shapely.Polygon:
-    """Return one area without narrow notches, as between muscles and a bone beside them."""
+def _below_skin(given: shapely.Polygon, body: shapely.Polygon, skin: float) -> shapely.Polygon:
+    """Return muscles that leave room for the thinnest skin and fat, if not far from that."""
+    room = body.buffer(-1.3 * LEAST_SHARE * (skin + LEAST_FAT))
+    if room.contains(given) or not body.buffer(VOXEL).contains(given):
+        return given
+    return rounded(given.intersection(room), ENVELOPE_RADIUS)
+
+
+def _with_bones(muscles: shapely.Polygon, bones: dict[str, Ring]) -> shapely.Polygon:
+    """Return muscles and bones as one area, without narrow notches between them."""
+    cover = [polygon(ring).buffer(OVER_BONE) for ring in bones.values()]
+    if all(muscles.contains(each) for each in cover):
+        return muscles
+    area = shapely.union_all([muscles, *cover])
     closed = area.buffer(NOTCH).buffer(-NOTCH)
     return rounded(shapely.union_all([closed, area]), ENVELOPE_RADIUS)
 

@@ -28,6 +28,8 @@ BELLY_RADIUS, CAVITY_RADIUS = 1.0, 1.0
 SMALLEST_AREA, SMALLEST_WIDTH = 1.0, 0.5
 #: Septum between bellies that the source has, mm, where they touch.
 SEPTUM = 0.6
+#: What lies between vessels that the source has, mm, at least.
+BETWEEN_VESSELS = 0.3
 #: Least crural fascia and sheath of bones over a belly, mm: in the atlas 0.74 and 0.54.
 OVER_BELLY = 0.5
 #: Cortex that a marrow cavity from the atlas leaves, mm.
@@ -83,9 +85,7 @@ class Regions:
         outlines, atlas = self.section.outlines, self.atlas
         self._measured(atlas.skin, outlines.skin)
         self.curves[atlas.fat.outer] = self.section.points(self.layers.skin_inner)
-        self.origin[atlas.fat.name] = RegionOrigin(
-            "atlas"
-        )  # its outer curve is the skin's inner one
+        self.origin[atlas.fat.name] = RegionOrigin("atlas")
         self._fill_bones()
         in_fat = self._fill_veins()
         self._fill_envelope(in_fat)
@@ -113,11 +113,14 @@ class Regions:
             for bone in self._bodies.values():
                 free = free.difference(bone.buffer(OVER_BELLY))
             for other, next_to in given.items():
-                gap = body.distance(next_to)
-                if other != name and gap < SEPTUM:
-                    free = free.difference(next_to.buffer((SEPTUM + gap) / 2))
-            found[name] = body if free.equals(body) else largest(free)
+                if other != name:
+                    free = free.difference(_margin(body, self._tissue(name), next_to,
+                                                   self._tissue(other)))  # fmt: skip
+            found[name] = body if free.equals(body) else _without_holes(free)
         return found
+
+    def _tissue(self, name: str) -> str:
+        return self.section.outlines.regions[name][0]
 
     def _measured(self, region: Region, outline: Outline) -> None:
         """Take a curve of the source as it is."""
@@ -224,18 +227,23 @@ class Regions:
         region, outline = self.atlas.fascia, self.section.outlines.muscle_envelope
         if outline is not None:
             self._measured(region, outline)
-            away = outline.deviation_mm + self.layers.widened
-            if self.layers.widened > 0:
+            away = outline.deviation_mm + self.layers.moved
+            if self.layers.moved > 0:
                 self.curves[region.outer] = self.section.points(self.layers.envelope)
                 self.warnings.append(
-                    f"the muscles' envelope was widened by up to {self.layers.widened:.1f} mm to"
-                    " have the bones in it"
+                    f"the muscles' envelope was moved by up to {self.layers.moved:.1f} mm, to"
+                    " have the bones in it and room for the skin"
                 )
             self.origin[region.name] = RegionOrigin(self.origin[region.name].origin, away)
             return
         dents = shapely.union_all([vein.buffer(IN_FAT) for vein in veins.values()])
         if dents.intersects(self._envelope):
-            self._envelope = rounded(self._envelope.difference(dents), ENVELOPE_RADIUS)
+            dented = rounded(self._envelope.difference(dents), ENVELOPE_RADIUS)
+            kept = [
+                body.buffer(OVER_BELLY) for body in (*self._given.values(), *self._bodies.values())
+            ]
+            inside = shapely.union_all(kept).intersection(self._envelope)
+            self._envelope = largest(dented.union(inside))
         self.curves[region.outer] = self.section.points(curve_around(self._envelope))
         self.origin[region.name] = RegionOrigin("atlas")
 
@@ -257,8 +265,10 @@ class Regions:
                 )
             if self._fill_area(regions.pop(name), body, RegionOrigin("atlas")):
                 found[name] = body
-        for name in regions:
-            self.warnings.append(f"{name} is left out: there is no room for it")
+        if regions:
+            self.warnings.append(
+                f"left out, for there is no room between their neighbours: {', '.join(regions)}"
+            )
         return found
 
     def _regions(self, own: Mapping[str, Region], kind: str) -> dict[str, Region]:
@@ -345,6 +355,21 @@ class Regions:
         if outlines.side:
             content |= {"side": outlines.side, "seen_from": frame.view(outlines.side)}
         return Limb(**content)
+
+
+def _margin(
+    body: shapely.Polygon, tissue: str, other: shapely.Polygon, its_tissue: str
+) -> BaseGeometry:
+    """Return what a region of the source leaves free around another one that is too close.
+
+    Of two muscles each leaves half of what lacks of a septum; a muscle leaves room for a vessel,
+    and not the reverse.
+    """
+    muscles = (tissue == "muscle", its_tissue == "muscle")
+    gap, wanted = body.distance(other), SEPTUM if any(muscles) else BETWEEN_VESSELS
+    if gap >= wanted or muscles == (False, True):
+        return shapely.Polygon()
+    return other.buffer(wanted if muscles == (True, False) else (wanted + gap) / 2)
 
 
 def _without_holes(area: BaseGeometry) -> shapely.Polygon:
