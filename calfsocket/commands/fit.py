@@ -76,10 +76,10 @@ def fit(arguments: Namespace) -> None:
     from calfsocket.fit.diagnostics import diagnostics
     from calfsocket.fit.families import family
     from calfsocket.fit.regression import fit
-    from calfsocket.fit.stability import stable_ranges
     from calfsocket.io.files import replacing, write_json
     from calfsocket.io.tables import FLOAT_FORMAT
     from calfsocket.materials.file import write_material
+    from calfsocket.materials.stability import stable_ranges
 
     law = arguments.law
     terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1

@@ -22,11 +22,11 @@ from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 
-from calfsocket.fit.modes import MODES, Array, Mode
-from calfsocket.fit.stability import SCANNED
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import nearest, read_text
 from calfsocket.io.units import STRESS
+from calfsocket.materials.modes import MODES, Array, Mode
+from calfsocket.materials.stability import SCANNED
 
 Choice = TypeVar("Choice", bound=str)
 Measure = Literal["engineering", "cauchy"]

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from calfsocket.fit.regression import LEVEL, Fit
-from calfsocket.fit.stability import StableRange
+from calfsocket.materials.stability import StableRange
 
 CONDITION_LIMIT = 1e6
 """Condition number above which terms are nearly redundant: variances go with its square, so that
@@ -103,12 +103,6 @@ def _parameters(fit: Fit) -> list[str]:
 def _stability(fit: Fit, stable: list[StableRange]) -> list[str]:
     found = []
     for test in fit.tests:
-        tested = next(r for r in stable if r.mode == test.mode)
-        if not tested.holds(test.stretch):
+        if not all(r.holds(test.stretch) for r in stable if r.is_of(test.mode)):
             found.append(f"Not stable (Drucker) within the data of {test.path.name}.")
-    for r in stable:
-        limits = [f"below stretch {r.low:.3g}"] if r.low else []
-        limits += [f"above stretch {r.high:.3g}"] if r.high else []
-        if limits:
-            found.append(f"Not stable (Drucker) in {r.mode} tests {' and '.join(limits)}.")
-    return found
+    return found + [f"Not stable (Drucker) in {r.words}." for r in stable if r.words]

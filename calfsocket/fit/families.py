@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from calfsocket.fit.modes import Array, Mode, engineering_stress
 from calfsocket.io.errors import InputError
+from calfsocket.materials.law import STEP
 from calfsocket.materials.laws import Law, Ogden, Yeoh
+from calfsocket.materials.modes import Array, Mode, engineering_stress
 
 ALPHA_MAX = 100.0
 """Largest |alpha|: there the study's forms are right to 1e-9 up to l1/l2 = 2 (`forms.accuracy`)."""
@@ -23,8 +24,6 @@ START_ALPHAS = (-54.0, -18.0, -6.0, -2.0, 2.0, 6.0, 18.0, 54.0)
 
 MAX_TERMS = 3
 LAWS = ("yeoh", "ogden", "neo-hookean")
-
-STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
 
 
 @dataclass(frozen=True)

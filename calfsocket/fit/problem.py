@@ -7,8 +7,8 @@ from scipy.optimize import least_squares, nnls
 
 from calfsocket.fit.data import Test
 from calfsocket.fit.families import ALPHA_MAX, Family
-from calfsocket.fit.modes import Array
 from calfsocket.io.errors import InputError
+from calfsocket.materials.modes import Array
 
 TOLERANCE = 1e-10
 """Relative change of residual and parameters at which a search has converged."""

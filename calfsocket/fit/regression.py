@@ -9,10 +9,10 @@ from scipy import stats
 
 from calfsocket.fit.data import Test
 from calfsocket.fit.families import ALPHA_MAX, Family
-from calfsocket.fit.modes import Array, Mode
 from calfsocket.fit.problem import Problem
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law
+from calfsocket.materials.modes import Array, Mode
 
 LEVEL = 0.95
 """Confidence of intervals, and of the statement that another minimum fits as well."""

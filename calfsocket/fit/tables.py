@@ -10,7 +10,7 @@ import scipy
 import calfsocket
 from calfsocket.fit.data import Test
 from calfsocket.fit.regression import LEVEL, Fit
-from calfsocket.fit.stability import SCANNED, StableRange
+from calfsocket.materials.stability import SCANNED, StableRange
 from calfsocket.materials.tissues import KPA
 
 
@@ -42,7 +42,7 @@ def summary(fit: Fit, stable: Sequence[StableRange], notes: Sequence[str]) -> st
     lines = [f"{test.path.name}: {test.title}" for test in fit.tests]
     lines += [f"{fit.family.title}:", *(f"  {line}" for line in parameter_lines(fit))]
     lines += [f"R^2 {fit.r_squared:.5f}, rms of the residual {fit.rms / mpa:.3g} {unit}"]
-    if all(r.low is None and r.high is None for r in stable):
+    if not any(r.words for r in stable):
         lines += ["stable (Drucker) at stretches of {} to {} in all tests".format(*SCANNED)]
     lines += [f"note: {note}" for note in notes]
     return "\n".join(lines)

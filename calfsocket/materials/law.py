@@ -29,7 +29,7 @@ PositiveStress = Annotated[Stress, Field(gt=0)]
 Compliance = Annotated[float, Written(COMPLIANCE, "1.67e-6 1/Pa")]
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 
-_STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
+STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
 
 
 def _in_files(schema: dict[str, Any], law: type) -> None:
@@ -143,8 +143,8 @@ class Law(Strict):
         tau = np.empty(stretches.shape)
         for k in range(3):
             moved = stretches.astype(complex)
-            moved[k] *= 1 + 1j * _STEP
-            tau[k] = np.imag(self.energy(moved)) / _STEP
+            moved[k] *= 1 + 1j * STEP
+            tau[k] = np.imag(self.energy(moved)) / STEP
         return tau
 
     def cauchy(self, F: Array, p: float) -> Array:
