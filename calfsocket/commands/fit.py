@@ -1,10 +1,17 @@
 """The command ``fit``: a law from stress-stretch data, and the files that it is written to."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 
 from calfsocket.commands import command, first_rank, option
 from calfsocket.io.errors import InputError
+
+
+def cycle_number(word: str) -> int | str:
+    """Read the number of a cycle."""
+    if word == "last" or (word.isdecimal() and int(word)):
+        return word if word == "last" else int(word)
+    raise ArgumentTypeError(f"'{word}' is not a number from 1, or last")
 
 
 @command(
@@ -18,13 +25,25 @@ from calfsocket.io.errors import InputError
     ),
     option(
         "--mode",
-        choices=("uniaxial", "equibiaxial", "planar"),
-        help="kind of test, unless the file has a column `mode` (default: uniaxial)",
+        choices=("uniaxial", "equibiaxial", "planar", "shear"),
+        help="kind of test, unless the file has a column `mode`; shear is simple shear (default: "
+        "uniaxial)",
     ),
     option(
         "--stress",
         choices=("engineering", "cauchy"),
         help="meaning of a column `stress` (default: engineering)",
+    ),
+    option(
+        "--branch",
+        choices=("loading", "unloading"),
+        help="which curve of a file with both; loading leads away from a stretch of 1",
+    ),
+    option(
+        "--cycle",
+        type=cycle_number,
+        metavar="N",
+        help="which cycle of a file with several, from 1, or last",
     ),
     option(
         "--nu",
@@ -87,7 +106,8 @@ def fit(arguments: Namespace) -> None:
         raise InputError("--nu: Yeoh's law is incompressible; omit it")
     nu = 0.495 if arguments.nu is None else arguments.nu
     chosen = family(law, terms)
-    tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]
+    options = arguments.mode, arguments.stress, arguments.branch, arguments.cycle
+    tests = [read_test(path, *options) for path in arguments.data]
     fitted = fit(chosen, tests, nu, arguments.free_signs)
     stable = stable_ranges(fitted.law)
     notes = diagnostics(fitted, stable)
@@ -107,6 +127,7 @@ def fit(arguments: Namespace) -> None:
             "data": [test.path.name for test in tests],
             "data_title": [test.title for test in tests],
             "data_sha256": [test.sha256 for test in tests],
+            "data_branch": [test.branch for test in tests],
             "r_squared": fitted.r_squared,
             "diagnostics": notes,
             **settings,

@@ -13,14 +13,23 @@ CONDITION_LIMIT = 1e6
 twelve of their sixteen digits are lost."""
 
 
-def diagnostics(fit: Fit, stable: list[StableRange]) -> list[str]:
+def diagnostics(fit: Fit, stable: Sequence[StableRange]) -> list[str]:
     """Return sentences about what the data do not determine and where the law is not stable."""
     return [
+        *_data(fit),
         *_searches(fit),
         *_misfit(fit),
         *_patterns(fit),
         *_parameters(fit),
         *_stability(fit, stable),
+    ]
+
+
+def _data(fit: Fit) -> list[str]:
+    return [
+        f"Columns of {test.path.name} that are not used: {', '.join(test.unused)}."
+        for test in fit.tests
+        if test.unused
     ]
 
 
@@ -100,7 +109,7 @@ def _parameters(fit: Fit) -> list[str]:
     return found
 
 
-def _stability(fit: Fit, stable: list[StableRange]) -> list[str]:
+def _stability(fit: Fit, stable: Sequence[StableRange]) -> list[str]:
     found = []
     for test in fit.tests:
         if not all(r.holds(test.stretch) for r in stable if r.is_of(test.mode)):
