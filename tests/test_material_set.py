@@ -4,10 +4,10 @@ import pytest
 
 from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
-from calfsocket.materials.laws import Hencky, Ogden, Yeoh, neo_hookean
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh, material_law
 from calfsocket.materials.material_set import MaterialSet
 
-SOFT = neo_hookean(1e-3, nu=0.4)
+SOFT = material_law("neo-hookean", mu=1e-3, nu=0.4)
 LIMB = {"skin": "skin", "soleus": "muscle", "crural_fascia": "fascia", "tibia": "bone"}
 
 

@@ -45,8 +45,9 @@ def new(arguments: Namespace) -> None:
 @command(
     FILE,
     description="""\
-Check a study file without solving it: keys, units, ranges, the files it names, and whether each
-socket can be put on the limb. Also list the cases.
+Check a study file without solving it: keys, units, ranges, the files it names, whether each socket
+can be put on the limb, and whether laws stay stable at the stretches of a limb in a socket. Also
+list the cases.
 """,
     epilog="Exit code: 0 if the file can be run, 2 if it cannot; one line says why.\n",
 )
@@ -71,6 +72,7 @@ def listing(path: Path, plan: "Plan") -> str:
             f"  {case.name:{width}}  {100 * on.area_reduction:7.2f} %  {100 * on.touching:6.0f} %  "
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
+    lines += [f"warning: {text}" for text in plan.warnings]
     return "\n".join(lines) + "\n"
 
 

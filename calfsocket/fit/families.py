@@ -98,7 +98,7 @@ def family(law: str, terms: int) -> Family:
             return Family(
                 f"Ogden, {count}",
                 Ogden,
-                lambda mu, alpha: {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist())},
+                _ogden,
                 coefficients=tuple(f"mu{i}" for i in numbers),
                 exponents=tuple(f"alpha{i}" for i in numbers),
                 starts=tuple(combinations(START_ALPHAS, terms)),
@@ -110,6 +110,10 @@ def family(law: str, terms: int) -> Family:
 
 def _yeoh(coefficients: Array, _: Array) -> dict[str, Any]:
     return dict(zip(("c10", "c20", "c30"), coefficients.tolist(), strict=False))
+
+
+def _ogden(mu: Array, alpha: Array) -> dict[str, Any]:
+    return {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist()), "form": "abaqus"}
 
 
 def _neo_hookean(mu: Array, _: Array) -> dict[str, Any]:

@@ -146,7 +146,10 @@ class Simulation:
         return {
             "limb": self.limb.model_dump(mode="json"),
             "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
-            "laws": {name: law.model_dump(mode="json") for name, law in self.region_laws.items()},
+            "laws": {
+                name: law.model_dump(mode="json", exclude={"given"})
+                for name, law in self.region_laws.items()
+            },
             "mesh_size": self.mesh_size.name,
             "contact": self.contact.model_dump(mode="json"),
             "support": self.support,
