@@ -11,12 +11,13 @@ from series import series_error
 from calfsocket.fit import problem
 from calfsocket.fit.data import Test
 from calfsocket.fit.diagnostics import diagnostics
-from calfsocket.fit.families import ALPHA_MAX, START_ALPHAS, family
+from calfsocket.fit.families import START_ALPHAS, family
 from calfsocket.fit.regression import Fit, fit
 from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
 from calfsocket.materials.laws import Hencky, Ogden, Yeoh, material_law
 from calfsocket.materials.modes import amount_of_shear, engineering_stress, sheared_stretch
+from calfsocket.materials.ogden import ALPHA_MAX
 from calfsocket.materials.stability import MODES, StableRange, stable_ranges, tangents
 
 SIGMA = 0.682689492  # of a normal distribution, within one standard deviation

@@ -102,6 +102,12 @@ def test_a_slip_of_the_unit_of_d1_is_said():
     assert law_warnings(tissues.FAT) == []
 
 
+def test_an_exponent_beyond_those_that_the_forms_take_is_said():
+    (said,) = law_warnings(Ogden(mu=(1e-3,), alpha=(-150.0,), nu=0.4))
+    assert said.startswith("an exponent is -150")
+    assert law_warnings(Ogden(mu=(1e-3,), alpha=(100.0,), nu=0.4)) == []
+
+
 class Softening(Law):
     """A custom law that takes real stretches only: mu sum_k (1 - cos ln lb_k)."""
 

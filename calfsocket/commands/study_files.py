@@ -56,7 +56,10 @@ def check(arguments: Namespace) -> None:
     """Check a study file in seconds, without solving."""
     from calfsocket.study.study import Study
 
-    print(listing(arguments.file, Study.read(arguments.file).plan), end="")
+    plan = Study.read(arguments.file).plan
+    print(listing(arguments.file, plan), end="")
+    for text in plan.warnings:
+        print(f"warning: {text}")
 
 
 def listing(path: Path, plan: "Plan") -> str:
@@ -72,7 +75,6 @@ def listing(path: Path, plan: "Plan") -> str:
             f"  {case.name:{width}}  {100 * on.area_reduction:7.2f} %  {100 * on.touching:6.0f} %  "
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
-    lines += [f"warning: {text}" for text in plan.warnings]
     return "\n".join(lines) + "\n"
 
 

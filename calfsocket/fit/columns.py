@@ -67,7 +67,7 @@ class Columns:
         needed: Collection[Collection[str]],
     ) -> None:
         self.path, self._names = path, names
-        content = read_text(path).removeprefix("\ufeff")
+        content = read_text(path)
         self.sha256 = hashlib.sha256(content.encode()).hexdigest()
         lines = [line.strip() for line in content.splitlines()]
         remarks = [line.lstrip("# ").rstrip(";, \t") for line in lines if line.startswith("#")]

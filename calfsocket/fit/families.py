@@ -16,9 +16,6 @@ from calfsocket.materials.law import STEP
 from calfsocket.materials.laws import Law, Ogden, Yeoh
 from calfsocket.materials.modes import Array, Mode, engineering_stress
 
-ALPHA_MAX = 100.0
-"""Largest |alpha|: there the study's forms are right to 1e-9 up to l1/l2 = 2 (`forms.accuracy`)."""
-
 START_ALPHAS = (-54.0, -18.0, -6.0, -2.0, 2.0, 6.0, 18.0, 54.0)
 """Exponents from which fits start, in all combinations of as many as there are terms."""
 

@@ -27,6 +27,9 @@ OgdenForm = Literal["abaqus", "as-printed"]
 
 Form = Literal["abaqus", "textbook", "febio", "as-printed"]
 
+ALPHA_MAX = 100.0
+"""Largest |alpha| up to which the forms are right to 1e-9 at l1/l2 = 2 (a test measures it)."""
+
 _CONVERTED = ("textbook", "febio")
 
 _OTHER_NAMES = {"c": "mu", "m": "alpha", "kappa": "k"}

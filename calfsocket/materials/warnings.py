@@ -2,6 +2,7 @@
 
 from calfsocket.materials.law import readable
 from calfsocket.materials.laws import Law, Ogden
+from calfsocket.materials.ogden import ALPHA_MAX
 from calfsocket.materials.stability import instability
 
 
@@ -11,8 +12,21 @@ class MaterialWarning(UserWarning):
 
 def warnings(law: Law) -> list[str]:
     """Say what makes one doubt that a law is the one that is meant, or that it can be solved."""
-    found = [instability(law), law.doubt if isinstance(law, Ogden) else "", _expands(law)]
+    found = [instability(law), _expands(law)]
+    if isinstance(law, Ogden):
+        found += [law.doubt, _steep(law)]
     return [text for text in found if text]
+
+
+def _steep(law: Ogden) -> str:
+    """Say that exponents are beyond those for which the forms are made."""
+    largest = max(law.alpha, key=abs)
+    if abs(largest) <= ALPHA_MAX:
+        return ""
+    return (
+        f"an exponent is {largest:g}; beyond {ALPHA_MAX:g} in magnitude, stresses at large strain are "
+        "less accurate (1e-9 at l1/l2 = 2 up to there)"
+    )
 
 
 def _expands(law: Law) -> str:

@@ -107,16 +107,6 @@ class Plan:
         return [case.key for case in self.cases]
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What makes one doubt laws of the cases: the place of each, and why."""
-        found = [
-            f"materials.{case.materials.name}.{name}: {text}"
-            for case in self.cases
-            for name, text in case.materials.warnings
-        ]
-        return tuple(dict.fromkeys(found))
-
-    @property
     def thresholds(self) -> tuple[Threshold, ...]:
         """Levels beyond which the summary counts a share of a tissue."""
         return tuple(each.threshold() for each in self.document.thresholds)
@@ -130,6 +120,16 @@ class Plan:
     def fingerprints(self) -> dict[str, str]:
         """Fingerprint of the inputs of each case, by its name."""
         return {case.name: case.simulation(MPI.COMM_SELF).fingerprint for case in self.cases}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes one doubt laws of the cases: the place of each, and why."""
+        found = [
+            f"materials.{case.materials.name}.{name}: {text}"
+            for case in self.cases
+            for name, text in case.materials.warnings
+        ]
+        return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
