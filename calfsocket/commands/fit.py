@@ -60,16 +60,21 @@ def cycle_number(word: str) -> int | str:
     description="""\
 Fit a law to stress-stretch data (section 2.2 of the paper).
 
-DATA is a CSV file of one test with units in its header:
+DATA is a CSV file of one test with names and units of its columns in the first line:
 
   # Strips of crural fascia, mediolateral
   stretch, engineering_stress [kPa]
   1.00, 0.0
   1.02, 310.5
 
-Columns: stretch, or strain [-] or [%]; engineering_stress or cauchy_stress or stress [UNIT];
-stress_sd [UNIT], the standard deviation, and mode if wanted. Compression is negative. Several files
-are fitted together. The material is taken as incompressible.
+Columns: one of stretch, strain [-] or [%], true_strain, and of simple shear shear_strain or
+shear_angle [deg]; one of engineering_stress, cauchy_stress and stress, with a unit: Pa, kPa, MPa,
+N/mm^2, psi, ...; stress_sd, the standard deviation, and mode if wanted. Others are not used. They
+are separated by semicolons, tabs, commas or blanks; numbers may have decimal commas. Compression is
+negative. Several files are fitted together. The material is taken as incompressible.
+
+Where a file has loading and unloading (the stretch goes back by more than 5 % of its range), one of
+the two is chosen by --branch, and of several cycles one by --cycle.
 
 Coefficients stay at 0 or above, where the law is stable at every strain. Searches start from many
 exponents; the fit reports what the data do not determine.
@@ -78,6 +83,7 @@ exponents; the fit reports what the data do not determine.
 examples:
   python3 -m calfsocket fit examples/fascia_uniaxial_synthetic.csv --law yeoh
   python3 -m calfsocket fit examples/muscle_*_synthetic.csv --law ogden --out muscle
+  python3 -m calfsocket fit loop.csv --law ogden --branch loading --cycle last
   python3 -m calfsocket --material muscle=muscle/material.toml
 
 results:

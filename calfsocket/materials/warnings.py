@@ -24,8 +24,8 @@ def _steep(law: Ogden) -> str:
     if abs(largest) <= ALPHA_MAX:
         return ""
     return (
-        f"an exponent is {largest:g}; beyond {ALPHA_MAX:g} in magnitude, stresses at large strain are "
-        "less accurate (1e-9 at l1/l2 = 2 up to there)"
+        f"an exponent is {largest:g}; beyond {ALPHA_MAX:g} in magnitude, stresses at large strain "
+        "are less accurate (1e-9 at l1/l2 = 2 up to there)"
     )
 
 
