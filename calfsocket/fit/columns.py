@@ -29,6 +29,9 @@ quantity: strech is 0.92 like stretch, strain_rate 0.71 like strain."""
 
 MOST_COLUMNS = 1000
 
+FIRST = 100
+"""Lines among which the header is looked for."""
+
 _UNIT = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]*?)\s*[\])]")
 _JOINED = re.compile(r"(?i)\b(engineering|nominal|cauchy|true|log|shear|standard)\s+(?=[a-z])")
 
@@ -66,7 +69,7 @@ class Columns:
         names: Mapping[str, Collection[str]],
         needed: Collection[Collection[str]],
     ) -> None:
-        self.path, self._names = path, names
+        self.path, self._names, self._needed = path, names, needed
         content = read_text(path)
         self.sha256 = hashlib.sha256(content.encode()).hexdigest()
         lines = [line.strip() for line in content.splitlines()]
@@ -77,56 +80,40 @@ class Columns:
             for number, line in enumerate(lines, 1)
             if line.strip(";,") and not line.startswith(("#", "sep="))  # a spreadsheet's mark
         ]
-        if len(numbered) < 2:
+        # Machines may write about the test first.
+        start = next((i for i, (_, line) in enumerate(numbered[:FIRST]) if self._heads(line)), 0)
+        self.lines = [number for number, _ in numbered[start + 1 :]]
+        if not self.lines:
             raise self.wrong("contains no data; give a header and rows of numbers")
-        table = self._table([line for _, line in numbered])
-        if len(table) != len(numbered):
-            raise self.wrong("a quotation mark is not closed; remove it, or close it in its line")
-        width = int(table.iloc[0].notna().sum())
-        header = [cell.strip() for cell in table.iloc[0, :width]]
-        if all(map(_is_number, header)):
-            choice = " and ".join(f"one of {', '.join(several)}" for several in needed)
-            raise self.wrong(
-                f"has no header; name the columns in the first line, {choice}, "
-                "e.g. stretch, engineering_stress [kPa]"
-            )
-        table = table.iloc[1:].reset_index(drop=True)
-        self.lines = [number for number, _ in numbered[1:]]
-        self._check_width(table, width)
-        found = [self._column(cell) for cell in header]
-        if not any(unit for _, unit in found) and not any(map(_is_number, table.iloc[0])):
-            units = [cell.strip("[]() ") for cell in table.iloc[0, :width]]
-            found = [(name, unit) for (name, _), unit in zip(found, units, strict=True)]
-            table, self.lines = table.iloc[1:], self.lines[1:]
-        used = [name for name, _ in found if name]
-        for name in used:
-            if used.count(name) > 1:
-                raise self.wrong(f"column {name} appears twice; keep one")
-        for several in needed:
-            here = [name for name in several if name in used]
-            if len(here) != 1:
-                what = "more than one column of" if here else "no column of"
-                raise self.wrong(
-                    f"{what} {', '.join(several)}; give one of them"
-                    + ("" if here else f" (the header has {', '.join(header)})")
-                )
-        self.units = {name: unit for name, unit in found if name}
+        table = self._table([line for _, line in numbered[start:]])
+        header, rows = self._parts(table)
+        columns = [self._column(cell) for cell in header]
+        if not any(unit for _, unit in columns) and not any(map(_is_number, rows.iloc[0])):
+            units = [cell.strip("[]() ") for cell in rows.iloc[0, : len(header)]]
+            columns = [(name, unit) for (name, _), unit in zip(columns, units, strict=True)]
+            rows, self.lines = rows.iloc[1:], self.lines[1:]
+        self._check_names([name for name, _ in columns if name], header)
+        self.units = {name: unit for name, unit in columns if name}
         self.unused = tuple(
-            cell for cell, (name, _) in zip(header, found, strict=True) if cell and not name
+            cell for cell, (name, _) in zip(header, columns, strict=True) if cell and not name
         )
-        self._text = {name: table[i].str.strip() for i, (name, _) in enumerate(found) if name}
+        self._cells = {name: rows[i].str.strip() for i, (name, _) in enumerate(columns) if name}
+
+    def _heads(self, line: str) -> bool:
+        """Whether a line names the columns that are needed."""
+        cells = [cell.strip(' "') for cell in _joined(line).split(_separator(line))]
+        found = {self._named(cell)[0] for cell in cells}
+        return all(not found.isdisjoint(several) for several in self._needed)
 
     def _table(self, lines: list[str]) -> pd.DataFrame:
         """Return all cells as text, None where a row has none."""
-        separator = next((mark for mark in ";\t," if mark in lines[0]), None)
-        if separator is None:  # blanks within a name, and before its unit, do not separate
-            lines = [_JOINED.sub(r"\1_", re.sub(r"\s+(?=[\[(])", "", lines[0])), *lines[1:]]
+        separator = _separator(lines[0])
         most = max(len(line.split(separator)) for line in lines)
         if most > MOST_COLUMNS:
             raise self.wrong(f"has {most} columns; up to {MOST_COLUMNS} are read")
         try:
-            return pd.read_csv(
-                StringIO("\n".join(lines)),
+            table = pd.read_csv(
+                StringIO("\n".join([_joined(lines[0]), *lines[1:]])),
                 sep=separator or r"\s+",
                 engine="python",
                 header=None,
@@ -138,6 +125,38 @@ class Columns:
             )
         except ValueError as error:  # pandas' own errors, too
             raise self.wrong(f"is not a table ({error}); check the quotation marks") from None
+        if len(table) != len(lines):
+            raise self.wrong("a quotation mark is not closed; remove it, or close it in its line")
+        return table
+
+    def _parts(self, table: pd.DataFrame) -> tuple[list[str], pd.DataFrame]:
+        """Return the header and the rows, which have as many cells."""
+        width = int(table.iloc[0].notna().sum())
+        header = [cell.strip() for cell in table.iloc[0, :width]]
+        if all(map(_is_number, header)):
+            choice = " and ".join(f"one of {', '.join(several)}" for several in self._needed)
+            raise self.wrong(
+                f"has no header; name the columns in the first line, {choice}, "
+                "e.g. stretch, engineering_stress [kPa]"
+            )
+        rows = table.iloc[1:].reset_index(drop=True)
+        self._check_width(rows, width)
+        return header, rows
+
+    def _check_names(self, used: list[str], header: list[str]) -> None:
+        """Refuse a column that is there twice, and alternatives of which there is not one."""
+        for name in used:
+            if used.count(name) > 1:
+                raise self.wrong(f"column {name} appears twice; keep one")
+        for several in self._needed:
+            here = [name for name in several if name in used]
+            if not here:
+                raise self.wrong(
+                    f"no column of {', '.join(several)}; give one of them "
+                    f"(the header has {', '.join(header)})"
+                )
+            if len(here) > 1:
+                raise self.wrong(f"more than one column of {', '.join(here)}; keep one")
 
     def _check_width(self, table: pd.DataFrame, width: int) -> None:
         """Refuse rows that have more or fewer cells than the header, but for empty ones."""
@@ -151,23 +170,26 @@ class Columns:
 
     def _column(self, cell: str) -> tuple[str, str]:
         """Return name and unit of a header; the name is empty where the column is not used."""
-        unit = _UNIT.fullmatch(cell)
-        if unit and (name := self._name(unit[1])):
-            return name, unit[2]
-        if name := self._name(cell):
-            return name, ""
-        for mark in reversed([*re.finditer(r"[\s_/,]+(?:in\s+)?", cell)]):
-            if name := self._name(cell[: mark.start()]):
-                return name, cell[mark.end() :]
-        word = _plain(unit[1] if unit else cell)
-        known = [way for ways in self._names.values() for way in ways]
-        if close := difflib.get_close_matches(word, known, 1, MISSPELT):
+        name, unit = self._named(cell)
+        ways = [way for several in self._names.values() for way in several]
+        if not name and (close := difflib.get_close_matches(_plain(unit), ways, 1, MISSPELT)):
             raise self.wrong(f"column {cell!r} is unknown; did you mean '{close[0]}'?")
-        return "", ""
+        return (name, unit) if name else ("", "")
 
-    def _name(self, words: str) -> str:
-        plain = _plain(words)
-        return next((name for name, ways in self._names.items() if plain in ways), "")
+    def _named(self, cell: str) -> tuple[str, str]:
+        """Return name and unit of a header; "" and its words where the name is not known."""
+        with_unit = _UNIT.fullmatch(cell)
+        words, unit = with_unit.groups() if with_unit else (cell, "")
+        parts = [(words, unit)]
+        parts += [
+            (cell[: mark.start()], cell[mark.end() :])
+            for mark in reversed([*re.finditer(r"[\s_/,]+(?:in\s+)?", cell)])
+        ]
+        for words_, unit_ in parts:
+            for name, ways in self._names.items():
+                if _plain(words_) in ways:
+                    return name, unit_
+        return "", words
 
     def __contains__(self, name: str) -> bool:
         """Whether the file has the column."""
@@ -185,7 +207,7 @@ class Columns:
 
     def text(self, name: str) -> list[str]:
         """Return a column's cells."""
-        return [str(cell) for cell in self._text[name]]
+        return [str(cell) for cell in self._cells[name]]
 
     def numbers(self, name: str, factor: Callable[[str], Any]) -> Array:
         """Return a column of finite numbers, times the factor of its unit.
@@ -196,18 +218,32 @@ class Columns:
             scale = float(factor(self.units[name]))
         except ValueError as error:
             raise self.wrong(f"{name}: {error}") from error
-        cells = self._text[name]
-        if not cells.str.contains(".", regex=False).any():
+        texts = [cells for column, cells in self._cells.items() if column != "mode"]
+        cells = self._cells[name]
+        if not any(column.str.contains(".", regex=False).any() for column in texts):
             cells = cells.str.replace(",", ".", regex=False)
         values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
-        for line, cell, value in zip(self.lines, self._text[name], values, strict=True):
+        for line, cell, value in zip(self.lines, self._cells[name], values, strict=True):
             if not np.isfinite(value):
-                raise self.wrong(f"{name} is {cell!r}; give a finite number", line)
+                hint = " (the file has decimal points and commas)" if "," in cell else ""
+                raise self.wrong(f"{name} is {cell!r}; give a finite number{hint}", line)
         return np.asarray(values * scale)
 
 
+def _separator(header: str) -> str | None:
+    """Return what separates columns; None are blanks."""
+    return next((mark for mark in ";\t," if mark in header), None)
+
+
+def _joined(header: str) -> str:
+    """Join the words of a name and its unit, where blanks separate columns."""
+    if _separator(header):
+        return header
+    return _JOINED.sub(r"\1_", re.sub(r"\s+(?=[\[(])", "", header))
+
+
 def _plain(words: str) -> str:
-    return re.sub(r"[\s_-]+", "_", words.strip().casefold()).strip("_")
+    return re.sub(r"[\s_.-]+", "_", words.strip().casefold()).strip("_")
 
 
 def _is_number(cell: object) -> bool:

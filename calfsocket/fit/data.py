@@ -32,7 +32,7 @@ MEASURES: tuple[Measure, ...] = get_args(Measure)
 
 DEFORMATIONS: dict[str, tuple[str, ...]] = {
     "stretch": ("stretch_ratio", "extension_ratio", "lambda", "λ"),
-    "strain": ("engineering_strain", "nominal_strain"),
+    "strain": ("engineering_strain", "eng_strain", "nominal_strain", "tensile_strain"),
     "true_strain": ("log_strain", "logarithmic_strain"),
     "shear_strain": ("amount_of_shear", "shear", "gamma", "\u03b3"),
     "shear_angle": ("angle_of_shear",),
@@ -41,11 +41,15 @@ DEFORMATIONS: dict[str, tuple[str, ...]] = {
 minus 1; shear strain the amount of shear, the tangent of the angle."""
 
 STRESSES: dict[str, tuple[str, ...]] = {
-    "engineering_stress": ("nominal_stress",),
+    "engineering_stress": ("eng_stress", "nominal_stress", "first_piola_kirchhoff_stress"),
     "cauchy_stress": ("true_stress",),
-    "stress": ("shear_stress", "sigma", "\u03c3"),
+    "shear_stress": (),
+    "stress": ("tensile_stress", "sigma", "\u03c3"),
 }
 """Columns of the stress, and other names for them."""
+
+_SHEAR = ("shear_strain", "shear_angle", "shear_stress")
+"""Columns that only a test of simple shear has."""
 
 _MEASURED: dict[str, Measure] = {
     "engineering_stress": "engineering",
@@ -63,6 +67,8 @@ _TO_STRETCH: dict[str, Callable[[Array], Array]] = {
 }
 _MODES: dict[str, Mode] = {
     **{mode: mode for mode in MODES},
+    "tension": "uniaxial",
+    "compression": "uniaxial",
     "biaxial": "equibiaxial",
     "simple shear": "shear",
     "pure shear": "planar",
@@ -139,7 +145,7 @@ def read_test(
 
 def _mode(table: Columns) -> tuple[str, Mode | None]:
     """Return where the file says what kind of test it is, and the kind if it does."""
-    shear = next((name for name in ("shear_strain", "shear_angle") if name in table), None)
+    shear = next((name for name in _SHEAR if name in table), None)
     if "mode" not in table:
         return f"the column {shear}", "shear" if shear else None
     cells = [cell.replace("_", " ").casefold() for cell in table.text("mode")]
@@ -168,7 +174,7 @@ def _stretch(table: Columns, mode: Mode) -> Array:
         )
 
     def factor(unit: str) -> float:
-        known = {"": 1.0, "-": 1.0, "1": 1.0, "mm/mm": 1.0, "m/m": 1.0}
+        known = {"": 1.0, "-": 1.0, "mm/mm": 1.0, "m/m": 1.0}
         if name == "shear_angle":
             known = {"deg": np.pi / 180, "°": np.pi / 180, "rad": 1.0}
         elif name != "stretch":
@@ -212,7 +218,12 @@ def _branch(
 ) -> tuple[Array, str]:
     """Return the rows of the branch that is asked for, and its name if there are others."""
     found = branches.pieces(stretch)
-    if len(found) == 1 and branch in (None, found[0].branch) and cycle in (None, 1, "last"):
+    # Where a test does not turn, the order of its rows says nothing.
+    if (
+        len(found) == 1
+        and branch in (None, "loading", found[0].branch)
+        and cycle in (None, 1, "last")
+    ):
         return found[0].rows, ""
     turns = [table.lines[row] for row in branches.turning_points(stretch)]
     cycles = sorted({piece.cycle for piece in found if branch in (None, piece.branch)})
