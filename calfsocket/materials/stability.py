@@ -98,20 +98,25 @@ def instability(law: Law) -> str:
 
 
 def tangents(law: Law, mode: Mode, stretch: ArrayLike) -> Array:
-    """Eigenvalues of D, in the unit of the moduli, (n, 2); 2 mu_0 and 6 mu_0 at stretch 1."""
+    """Eigenvalues of D, in the unit of the moduli, (n, 2); 2 mu_0 and 6 mu_0 at stretch 1.
+
+    Not a number where the law has no energy.
+    """
     e = log_stretches(mode, stretch)
     # Columns d(t)/d(e_1) and d(t)/d(e_2) at constant volume, (3, 2, n).
     slopes = np.stack([_slope(law, e, np.eye(3)[j] - np.eye(3)[2]) for j in range(2)], axis=1)
     (d11, d12), (d21, d22) = slopes[:2] - slopes[2]
     mean, off = (d11 + d22) / 2, (d12 + d21) / 2
     radius = np.hypot((d11 - d22) / 2, off)
-    return np.stack([mean - radius, mean + radius], axis=1)
+    eigenvalues = np.stack([mean - radius, mean + radius], axis=1)
+    with np.errstate(all="ignore"):
+        # Beyond the limit of a law that locks, complex steps find a number all the same.
+        return np.where(np.isfinite(law.energy(np.exp(e)))[:, None], eigenvalues, np.nan)
 
 
 def _slope(law: Law, e: Array, direction: Array) -> Array:
     """Differentiate the Kirchhoff stress in a direction of logarithmic strains, (3, n)."""
     step = direction[:, None]
-    # Laws may be undefined at large strain: there, values are not numbers, and nothing is said.
     with np.errstate(all="ignore"):
         try:
             return np.asarray(law.kirchhoff(np.exp(e + 1j * STEP * step)).imag / STEP)
@@ -128,7 +133,9 @@ def _loss(law: Law, mode: Mode, end: float) -> float | None:
         return np.asarray(smaller + ROUNDING * larger)
 
     stretches = np.geomspace(1.0, end, POINTS)
-    unstable = np.flatnonzero(margin(stretches) <= 0)
+    margins = margin(stretches)
+    defined = np.logical_and.accumulate(np.isfinite(margins))
+    unstable = np.flatnonzero(defined & (margins <= 0))
     if not unstable.size:
         return None
     first = int(unstable[0])

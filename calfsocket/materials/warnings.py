@@ -37,5 +37,5 @@ def _expands(law: Law) -> str:
     nu = (3 * bulk - 2 * mu) / (6 * bulk + 2 * mu)
     return (
         f"Poisson's ratio at small strain is {nu:.2g}: the bulk modulus, {readable(bulk)}, is "
-        f"small beside the shear modulus, {readable(mu)}; check d1 or k and its unit"
+        f"small beside the shear modulus, {readable(mu)}; check d1, k or nu"
     )
