@@ -56,7 +56,8 @@ class Family:
         fields = self.fields(*self.split(parameters))
         if "d1" in self.kind.model_fields:
             fields["nu"] = nu
-        return self.kind(**fields)
+        # No other notation: Poisson's ratio is in the settings of the fit.
+        return self.kind(**fields).model_copy(update={"given": None})
 
     def stress(self, parameters: Array, mode: Mode, stretch: Array) -> Array:
         """Engineering stress, in the unit of the coefficients, (n,).

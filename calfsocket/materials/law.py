@@ -62,8 +62,8 @@ class Law(Strict):
     law : str
         Name of the law, which files have as its tag; a subclass gives it a default.
     given : mapping, optional
-        The law as it was written, where that was in other parameters (`materials.notations`); for
-        people: laws are equal, and have the same hash, without it.
+        The law as it was written, where that was in other parameters (`materials.notations`),
+        numbers in MPa and 1/MPa; for people: laws are equal, and have the same hash, without it.
 
     Examples
     --------
