@@ -15,6 +15,7 @@ from mpi4py import MPI
 from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import ConvergenceError, InputError, in_one_line
 from calfsocket.io.schema import nearest
+from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
 from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
@@ -127,7 +128,10 @@ class Simulation:
         self._placement = placement
         self.region_laws = materials.region_laws(limb.tissues)
         if wall := socket.elasticity():
-            self.region_laws[tags.SOCKET] = SOCKET.model_copy(update=wall)
+            law = self.region_laws[tags.SOCKET]
+            # What the wall does not say is the set's, if that is linear, too.
+            base = law if isinstance(law, Hencky) else SOCKET
+            self.region_laws[tags.SOCKET] = base.model_copy(update={**wall, "given": None})
 
     @cached_property
     def placement(self) -> Placement:
