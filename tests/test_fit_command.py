@@ -80,6 +80,9 @@ SPELLINGS = {
         '"Time (s)","strain_%","stress_Pa"\n"0,0","0,0","0"\n"1,0","5,0","1000"\n'
         '"2,0","10,0","2100"\n"3,0","15,0","3300"\n"4,0","20,0","4600"\n'
     ),
+    "separators at the end of the header, signs as in print": (
+        "Strain [1];Stress (kPa);;\n0;\u22120\n0,05;1\n0,10;2,1;\n0,15;3,3\n0,2;4,6\n"
+    ),
     "a machine's words before the header": (
         "Specimen;fascia 12\nDate;2024-05-03\nStrain gauge;A\n\n"
         "Time;Eng. strain [%];Eng. stress [Pa]\n"

@@ -125,6 +125,17 @@ def test_what_was_given_makes_no_other_law():
     assert plain != Yeoh(c10=1.0)
 
 
+def test_the_textbooks_form_is_what_the_paper_prints():
+    parameters = {"mu": (6.3e-3, -1e-4), "alpha": (1.3, -2.0), "d1": 2.0}
+    textbook, printed = (Ogden(**parameters, form=form) for form in ("textbook", "as-printed"))
+    assert textbook.coefficients() == printed.coefficients()
+    assert textbook.form == "abaqus" and printed.form == "as-printed"  # the one is converted
+    assert textbook.bulk_modulus == printed.bulk_modulus == 1.0
+    # In FEBio's form c may be called mu where the form is given.
+    febio = Ogden(mu=(6.3e-3, -1e-4), alpha=(1.3, -2.0), d1=2.0, form="febio")
+    assert febio == Ogden(c=(6.3e-3, -1e-4), m=(1.3, -2.0), k=1.0)
+
+
 STUDY = """
 [study]
 sockets = ["TC"]

@@ -131,8 +131,9 @@ class Columns:
 
     def _parts(self, table: pd.DataFrame) -> tuple[list[str], pd.DataFrame]:
         """Return the header and the rows, which have as many cells."""
-        width = int(table.iloc[0].notna().sum())
-        header = [cell.strip() for cell in table.iloc[0, :width]]
+        header = [cell.strip() for cell in table.iloc[0].dropna()]
+        while header and not header[-1]:  # separators at the end
+            header.pop()
         if all(map(_is_number, header)):
             choice = " and ".join(f"one of {', '.join(several)}" for several in self._needed)
             raise self.wrong(
@@ -140,7 +141,7 @@ class Columns:
                 "e.g. stretch, engineering_stress [kPa]"
             )
         rows = table.iloc[1:].reset_index(drop=True)
-        self._check_width(rows, width)
+        self._check_width(rows, len(header))
         return header, rows
 
     def _check_names(self, used: list[str], header: list[str]) -> None:
@@ -180,7 +181,7 @@ class Columns:
         """Return name and unit of a header; "" and its words where the name is not known."""
         with_unit = _UNIT.fullmatch(cell)
         words, unit = with_unit.groups() if with_unit else (cell, "")
-        parts = [(words, unit)]
+        parts = [(words, "-" if unit == "1" else unit)]
         parts += [
             (cell[: mark.start()], cell[mark.end() :])
             for mark in reversed([*re.finditer(r"[\s_/,]+(?:in\s+)?", cell)])
@@ -219,7 +220,7 @@ class Columns:
         except ValueError as error:
             raise self.wrong(f"{name}: {error}") from error
         texts = [cells for column, cells in self._cells.items() if column != "mode"]
-        cells = self._cells[name]
+        cells = self._cells[name].str.replace("\u2212", "-")  # a minus as in print
         if not any(column.str.contains(".", regex=False).any() for column in texts):
             cells = cells.str.replace(",", ".", regex=False)
         values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
