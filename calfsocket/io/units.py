@@ -2,7 +2,7 @@
 
 Decimal arithmetic, so that a number keeps its digits on the way to a file and back. Only units that
 a laboratory uses are allowed: pint would take mPa, a slip of the shift key, for a billionth of MPa.
-Powers may be written as in print, N/mm² or MPa⁻¹, or without a mark, N/mm2.
+Powers may be written as in print, N/mm² or MPa⁻¹, or without a mark, N/mm2 or MPa-1.
 """
 
 import re
@@ -14,9 +14,8 @@ import pint
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
 
-
-_POWERS = (("²", "^2"), ("⁻¹", "^-1"), ("**", "^"), ("m2", "m^2"), ("m-2", "m^-2"))
-"""Ways of writing powers, and the one that is allowed."""
+_POWERS = (("²", "2"), ("⁻¹", "-1"), ("**", ""), ("^", ""))
+"""Marks of powers, and what is left of them when spellings are compared."""
 
 
 @cache
@@ -25,9 +24,10 @@ def _registry() -> pint.UnitRegistry:
 
 
 def _plain(unit: str) -> str:
-    for written, allowed in _POWERS:
-        unit = unit.replace(written, allowed)
-    return unit
+    """Return a unit without marks of powers; "/kPa", behind a number, is 1/kPa."""
+    for mark, left in _POWERS:
+        unit = unit.replace(mark, left)
+    return f"1{unit}" if unit.startswith("/") else unit
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,17 @@ class Dimension:
 
     def factor(self, unit: str) -> Decimal:
         """Return how many internal units a unit is; a ValueError names those that are allowed."""
-        if not self.has(unit):
+        known = self._allowed(unit)
+        if known is None:
             raise ValueError(f"unit {unit!r} is unknown; use {', '.join(self.allowed)}")
-        return _registry().Quantity(Decimal(1), _plain(unit)).to(self.internal).magnitude
+        return _registry().Quantity(Decimal(1), known).to(self.internal).magnitude
 
     def has(self, unit: str) -> bool:
         """Whether a unit may be written."""
-        return _plain(unit) in self.allowed
+        return self._allowed(unit) is not None
+
+    def _allowed(self, unit: str) -> str | None:
+        return next((each for each in self.allowed if _plain(each) == _plain(unit)), None)
 
     def parse(self, text: object) -> float:
         """Value of a text such as ``"12 kPa"`` in the internal unit; else a ValueError."""
