@@ -9,7 +9,6 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.paper import comparison
 from calfsocket.paper.calibration import Calibration, read_calibration
@@ -66,12 +65,12 @@ class Evidence(Findings):
     @cached_property
     def skin(self) -> ClosedCurve:
         """Undeformed outline of the limb."""
-        return limb_curves(self.run.limb)[self.run.limb.contact_boundary]
+        return self.run.limb.skin
 
     @cached_property
     def inner_faces(self) -> dict[str, ClosedCurve]:
         """Undeformed inner face of each socket."""
-        return {name: socket.faces(self.skin)[0] for name, socket in self.sockets.items()}
+        return {name: socket.faces(self.run.limb)[0] for name, socket in self.sockets.items()}
 
     @cached_property
     def area_lost(self) -> dict[str, float]:

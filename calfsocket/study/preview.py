@@ -62,7 +62,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
     socket = case.socket
-    inner, outer = socket.faces(skin)
+    inner, outer = socket.faces(limb)
     custom = {name for each in plan.cases for name in each.materials.regions}
     for region in limb.regions:
         outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))

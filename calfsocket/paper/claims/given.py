@@ -119,7 +119,8 @@ def fascia_is_incompressible(e: Evidence, of: str) -> Fact:
 
 def fascia_is_modelled(e: Evidence, of: str) -> Fact:
     """Return whether fascia is in both sets, in none with muscle's own material."""
-    areas = [region.area for region in e.run.limb.regions if region.tissue == "fascia"]
+    limb = e.run.limb
+    areas = [limb.areas[name] for name, tissue in limb.tissues.items() if tissue == "fascia"]
     muscle = e.laws["separate"]["muscle"]
     ignored = any(e.laws[name]["fascia"] == muscle for name in SETS)
     return {"value": bool(areas) and not ignored, "n": len(areas), "area": sum(areas)}
