@@ -132,6 +132,16 @@ class CaseRecord(Strict):
         return self.socket, self.material_set
 
     @property
+    def solved(self) -> bool:
+        """Whether it reached its full load: only then has it results."""
+        return self.status == "solved"
+
+    @property
+    def load(self) -> float | None:
+        """Load of its last equilibrium, 0 to 1; None where there is none."""
+        return self.checks.load if self.checks else None
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Checks that its result does not pass."""
         return self.checks.warnings if self.checks else ()

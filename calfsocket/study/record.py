@@ -11,9 +11,11 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import remove_unfinished, replacing, write_json
+from calfsocket.io.tables import remove_rows
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.results import KEY
 from calfsocket.study import restart, sweep_table
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.sweep import flat
@@ -50,6 +52,9 @@ class Recorder:
             case for case in plan.to_solve if not (resume and self._is_kept(case, before))
         )
         records = {case.name: case.record for case in self.to_solve}
+        # A case that is solved again has no results until it reaches its full load again.
+        for table in restart.CASE_TABLES:
+            remove_rows(out / table, KEY, {case.key for case in self.to_solve})
         self._record = StudyRecord(
             **now,
             ranks=ranks,
@@ -66,7 +71,7 @@ class Recorder:
 
     def _is_kept(self, case: Case, earlier: Mapping[str, CaseRecord]) -> bool:
         known = earlier.get(case.name)
-        if known is None or known.status != "solved":
+        if known is None or not known.solved:
             return False
         why = restart.damage(known.files, restart.digests(self._out, case.key))
         log.info("%s: %s", case.name, why or "already solved; kept")
@@ -91,10 +96,10 @@ class Recorder:
         self._record = self._record.model_copy(update={"finished": True})
         self._write()
         records = [self._record.cases[name] for name in self._asked]
-        failed = [record for record in records if record.status != "solved"]
+        failed = [record for record in records if not record.solved]
         if failed:
             log.warning(
-                "%d of %d cases failed; run again with --resume to retry them:",
+                "%d of %d cases failed and have no results; run again with --resume to retry them:",
                 len(failed),
                 len(records),
             )
@@ -112,7 +117,7 @@ class Recorder:
         if self._plan.parameters:
             sweep_table.write(self._out, self._plan, cases)
         for name in self._asked:
-            if cases[name].status == "solved":
+            if cases[name].solved:
                 # Its files hold all there is to know; one that failed may be resumed.
                 (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
@@ -137,7 +142,7 @@ def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
             {
                 "case": record.name,
                 "status": record.status,
-                "load": record.checks.load if record.checks else "",
+                "load": "" if record.load is None else record.load,
                 "message": record.message,
                 "warnings": "; ".join(record.warnings),
             }
