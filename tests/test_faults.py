@@ -6,6 +6,7 @@ import logging
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -388,6 +389,29 @@ def test_ctrl_c_ends_it_with_one_line(number, code, unbroken, tmp_path):
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 0
     assert "resumes from its last equilibrium" in errors
+    assert same_results(out, unbroken)
+
+
+def test_a_second_run_into_the_folder_of_a_running_one_is_refused(unbroken, tmp_path):
+    out = tmp_path / "results"
+    first = start(out)
+    while not (out / "A_combined" / "checkpoint.npz").exists():
+        time.sleep(0.01)
+    first.send_signal(signal.SIGSTOP)
+    before = (out / "run.json").read_bytes()
+    for how in ({}, {"resume": True}):
+        second = start(out, **how)
+        _, errors = second.communicate(timeout=120)
+        assert second.returncode == 2
+        (line,) = errors.splitlines()
+        who = f"process {first.pid} on {socket.gethostname()} (since {time.strftime('%Y-')}"
+        assert line.startswith(f"calfsocket: {out}: {who}") and "name another folder" in line
+        assert (out / "run.json").read_bytes() == before
+    first.kill()  # what it leaves behind blocks nobody
+    first.communicate()
+    again = start(out, resume=True)
+    _, errors = again.communicate(timeout=120)
+    assert again.returncode == 0, errors
     assert same_results(out, unbroken)
 
 

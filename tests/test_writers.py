@@ -1,5 +1,7 @@
 """Files read back; and whole at every moment, whoever else writes."""
 
+import errno
+import fcntl
 import json
 import multiprocessing
 import os
@@ -13,8 +15,8 @@ import pandas as pd
 import pytest
 import pyvista
 
-from calfsocket.io.errors import WriteError
-from calfsocket.io.files import remove_unfinished, replacing, write_json
+from calfsocket.io.errors import InputError, WriteError
+from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
 from calfsocket.io.tables import merge_csv
 from calfsocket.postprocess.fields import TISSUES
 from calfsocket.postprocess.quantities import Quantities
@@ -131,6 +133,32 @@ def test_four_processes_at_once_lose_nothing_and_a_reader_sees_whole_files(tmp_p
     assert list(frame[KEY].drop_duplicates().itertuples(index=False, name=None)) == cases
     for _, case in frame.groupby(KEY):
         assert case.value.tolist() == list(range(9, 209))
+
+
+# --- a folder for one run
+
+
+def test_a_folder_is_occupied_once_and_free_afterwards(tmp_path):
+    with occupied(tmp_path / "new"):
+        with pytest.raises(
+            InputError, match=rf"process {os.getpid()} on .* \(since 2.*name another"
+        ):
+            with occupied(tmp_path / "new"):
+                pass
+        with pytest.raises(InputError, match="is solving into this folder"):
+            with occupied(tmp_path / "new"):
+                pass
+    with occupied(tmp_path / "new"):
+        pass
+
+
+def test_a_disk_without_locks_gets_a_warning(tmp_path, monkeypatch, caplog):
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with occupied(tmp_path):
+        assert f"{tmp_path}: cannot be locked (No locks available)" in caplog.text
 
 
 # --- fields

@@ -2,7 +2,8 @@
 
 import logging
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.files import remove_unfinished, replacing, write_json
+from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
 from calfsocket.io.tables import remove_rows
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
@@ -151,33 +152,35 @@ def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
     )
 
 
-def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
-    """Refuse a folder whose results were made from other inputs.
+@contextmanager
+def results_folder(out: Path, plan: Plan, overwrite: bool = False) -> Iterator[None]:
+    """Keep a folder for the results of a plan until the body ends.
 
     Raises
     ------
     InputError
-        If the folder contains results of other inputs, unless they may be overwritten, or cannot be
-        written.
+        If another run writes into the folder, it contains results of other inputs and they may not
+        be overwritten, or it cannot be written to.
     """
-    path = out / RUN_FILE
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if overwrite:
-            for name in FILES:
-                (out / name).unlink(missing_ok=True)
-        if not path.exists():
-            return
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: {error.strerror}; name a folder that can be written to"
-        ) from None
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(occupied(out))
+            if overwrite:
+                for name in FILES:
+                    (out / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"--out {out}: {error.strerror}; name a folder that can be written to"
+            ) from None
+        if (out / RUN_FILE).exists():
+            _check_inputs(out, plan)
+        yield
+
+
+def _check_inputs(out: Path, plan: Plan) -> None:
+    """Refuse a folder whose results were made from other inputs."""
     advice = "name another folder, or add --overwrite to replace its results"
-    try:
-        before = read_run(path)
-    except InputError as error:
-        what, *_ = str(error).split("; ")  # what to do is another thing here
-        raise InputError(f"{what}; {advice}") from None
+    before = read_run(out / RUN_FILE, advice)
     now = flat({"settings": plan.settings, "thresholds": [*map(asdict, plan.thresholds)]})
     then = flat({"settings": before.settings, "thresholds": [*before.thresholds]})
     changed = [
