@@ -166,7 +166,7 @@ def said(equilibrium: State = WELL, **iterate: object) -> list[str]:
 
 def test_without_a_finding_it_says_what_was_looked_at():
     text = explain(WELL, 0.5, 0.6, RESULT, Iterate("fat", WELL))
-    assert text.startswith("no equilibrium between load 0.5000 and 0.6000: the equilibrium before")
+    assert text.startswith("no equilibrium between load 0.5000 and 0.6000: no tissue is crushed")
     assert text.endswith("residual 1.0e+00 1.0e-01 1.0e-03 N/mm, most of it in fat)")
 
 
@@ -193,6 +193,11 @@ def test_the_order_is_that_of_causes():
     assert "turned inside out" in said(bad)[2]
     text = explain(bad, 0.5, 0.6, RESULT, Iterate("fat", bad))
     assert "from all sides" in text and BUCKLED not in text
+
+
+def test_modes_whose_place_is_not_found_are_named_all_the_same():
+    (text,) = said(replace(WELL, negative_modes=1))
+    assert text.endswith("the equilibrium at load 0.5000 has 1 negative mode")
 
 
 def test_a_mode_of_the_socket_is_not_buckling():

@@ -214,8 +214,7 @@ def explain(
 
 
 UNEXPLAINED = Finding(
-    "the equilibrium before is stable, no tissue is crushed, no law has softened, and contact "
-    "settles",
+    "no tissue is crushed or buckles, no law has softened, and contact settles",
     "try smaller load steps (steps.smallest), another mesh size, or "
     "-calfsocket_snes_linesearch_type l2",
 )
@@ -243,13 +242,18 @@ def findings(equilibrium: State, iterate: Iterate) -> Iterator[Finding]:
             "use a law that is stable at these stretches, or a socket that presses less",
         )
     # A mode that moves the socket most is its motion as a rigid body.
-    unstable = [state for state in states if state.waving and state.waving.region != tags.SOCKET]
+    unstable = [
+        state
+        for state in states
+        if state.negative_modes > 0
+        and not (state.waving is not None and state.waving.region == tags.SOCKET)
+    ]
     if unstable:
         kind = "equilibrium" if unstable[0] is equilibrium else "last iterate"
-        count = unstable[0].negative_modes
+        count, site = unstable[0].negative_modes, unstable[0].waving
         yield Finding(
             f"tissue buckles: the {kind} at load {unstable[0].load:.4f} has {count} negative "
-            f"mode{'s' if count > 1 else ''}, with most motion in {unstable[0].waving}",
+            f"mode{'s' if count > 1 else ''}{f', with most motion in {site}' if site else ''}",
             "take smaller load steps (steps.largest = 0.05), a socket that presses less there, or "
             "tissues whose stiffness differs less",
         )
@@ -295,10 +299,10 @@ def _touching(grip: Grip) -> str:
 def stiffness_share(law: Law, stretches: FloatArray) -> FloatArray:
     """Stiffness of a law at principal stretches, as a share of its initial one; (n,).
 
-    The stretches, (2, n), are those in the plane. The stiffness is that against pure
-    shear on top of them, d(t1 - t2)/de with e1 = e = -e2, of Kirchhoff stresses t and logarithmic
-    strains; it is 4 mu0 at first. A law that is not convex in the logarithmic strains comes to 0,
-    and loses its stability there.
+    The stretches, (2, n), are those in the plane. The stiffness is that against pure shear on top
+    of them, d(t1 - t2)/de with e1 = e = -e2, of Kirchhoff stresses t and logarithmic strains; it is
+    4 mu0 at first. A law that is not convex in the logarithmic strains comes to 0, and loses its
+    stability there.
     """
     stretch = np.stack([*stretches, np.ones_like(stretches[0])])
 
@@ -322,7 +326,9 @@ def _stiffness_in_cells(
         # What is turned inside out has no stretches.
         there = (regions == tag)[:, None] & (J > 0)
         if there.any():
-            share[there] = stiffness_share(problem.region_laws[name], stretches[there].T)
+            with np.errstate(over="ignore", invalid="ignore"):  # of an iterate that runs away
+                found = stiffness_share(problem.region_laws[name], stretches[there].T)
+            share[there] = np.where(np.isfinite(found), found, np.inf)
     if not share.size:
         return np.zeros(0), np.zeros((0, 2))
     point = share.argmin(axis=1)
