@@ -72,6 +72,8 @@ def listing(path: Path, plan: "Plan") -> str:
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
     lines += [f"  {notice}" for notice in plan.notices]
+    if plan.unused:
+        lines.append(f"  not used: {', '.join(plan.unused)}")
     return "\n".join(lines) + "\n"
 
 

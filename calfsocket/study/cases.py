@@ -1,6 +1,5 @@
 """The cases of a study file: every socket's shape, every law, nothing solved."""
 
-import difflib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -11,7 +10,7 @@ from typing import Any
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError, error_context
-from calfsocket.io.schema import checked, nearest
+from calfsocket.io.schema import checked, misspelt, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.meshes.limb import Limb
@@ -21,6 +20,7 @@ from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
 from calfsocket.simulation.simulation import Simulation
 from calfsocket.study import sweep
+from calfsocket.study.absent import refuse_absent
 from calfsocket.study.document import Document
 from calfsocket.study.files import Files
 from calfsocket.study.sweep import Changes, Labels, Point
@@ -104,6 +104,25 @@ class Plan:
     def order(self) -> list[tuple[str, str]]:
         """Keys of all cases, in the order of the tables."""
         return [case.key for case in self.cases]
+
+    @property
+    def unused(self) -> list[str]:
+        """Dotted names of what the file says and no case has to do with, with the reason."""
+        sockets, sets = ({case.of[place] for case in self.cases} for place in (0, 1))
+        document, tissues = self.document, {*self.limb.tissues, *self.limb.tissues.values()}
+        found = [f"sockets.{name} (no case)" for name in document.sockets if name not in sockets]
+        found += [f"materials.{name} (no case)" for name in document.materials if name not in sets]
+        laws = {"laws": document.laws}
+        laws |= {f"materials.{name}": table.laws for name, table in document.materials.items()}
+        found += [
+            f"{place}.{tissue} (the limb has none)"
+            for place, of in laws.items()
+            for tissue in of
+            if tissue not in {*tissues, "combined"}
+        ]
+        if "quantities" in document.study.model_fields_set and not self.parameters:
+            found.append("study.quantities (no sweep)")
+        return found
 
     @property
     def thresholds(self) -> tuple[Threshold, ...]:
@@ -274,9 +293,9 @@ class Planner:
         materials = [name for base in bases for name in MaterialSet.paper(base).laws]
         for name in laws:
             if name not in (*materials, *regions):
-                near = difflib.get_close_matches(name, [*materials, *regions], n=1)
+                near = misspelt(name, [*materials, *regions])
                 hint = (
-                    f"did you mean '{near[0]}'?"
+                    f"did you mean '{near}'?"
                     if near
                     else f"allowed: {', '.join(dict.fromkeys(materials))}, or a region such as "
                     f"'{regions[0]}' (`show` draws them)"
@@ -293,6 +312,7 @@ class Planner:
         if key not in self._documents:
             with error_context(self._path, place):
                 content = sweep.applied(self._content, changes)
+                refuse_absent(content)
             words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
             origin = f"{place}: with {words}: " if changes else ""
             sockets: Any = content.get("sockets")
