@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
+from calfsocket.io import units
 from calfsocket.io.errors import InputError
 
 #: Largest file that is read, bytes. The largest of the package's own has 30 kB.
@@ -188,6 +189,14 @@ _PLAIN = {
 }
 """Words for what pydantic says to programmers, by its name of the error."""
 
+_LIMITS = {
+    "greater_than": "gt",
+    "greater_than_equal": "ge",
+    "less_than": "lt",
+    "less_than_equal": "le",
+}
+"""Where pydantic keeps the limit, by its name of the error."""
+
 
 def _message(error: dict[str, Any]) -> str:
     """Return what a value is and must be; pydantic has only the latter."""
@@ -205,6 +214,9 @@ def _message(error: dict[str, Any]) -> str:
             return f"{key} is missing; add it"
         return f"{key} is '{context['tag']}'; it must be one of {context['expected_tags']}"
     text = _PLAIN.get(error["type"], text)
+    if limit := _LIMITS.get(error["type"]):  # in the unit of what was written
+        words, _, _ = text.rpartition(" ")
+        text = f"{words} {units.like(error['input'], error['ctx'][limit])}"
     said = text.replace("Input should be", "it must be").replace("Input should", "it must")
     return f"is {_shortened(error['input'])}; {said[0].lower()}{said[1:]}"
 

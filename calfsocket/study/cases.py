@@ -6,12 +6,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, misspelt, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
+from calfsocket.materials.warnings import MaterialWarning
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
@@ -146,6 +148,16 @@ class Plan:
     def fingerprints(self) -> dict[str, str]:
         """Fingerprint of the inputs of each case, by its name."""
         return {case.name: case.simulation(MPI.COMM_SELF).fingerprint for case in self.cases}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes one doubt laws of the cases: the place of each, and why."""
+        found = [
+            f"materials.{case.materials.name}.{name}: {text}"
+            for case in self.cases
+            for name, text in case.materials.warnings
+        ]
+        return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
@@ -338,26 +350,29 @@ class Planner:
             words = point.label, ""
         socket = document.sockets.get(asked.socket) or self._reference[asked.socket]
         name = _joined(asked.socket, asked.label, words[0])
-        materials = self._materials(document, asked.materials)
+        materials = self._materials(document, asked.materials, words[1])
         return Case(
             limb=self._limb,
             socket=socket.model_copy(update={"name": name}),
-            materials=replace(materials, name=_joined(asked.materials, words[1])),
+            materials=materials,
             document=document,
             of=(asked.socket, asked.materials),
             changes=dict(changes),
             placement=self._placement(socket, asked.socket, document.model.socket_support),
         )
 
-    def _materials(self, document: Document, name: str) -> MaterialSet:
+    def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
         model = document.model
         paper = MaterialSet.paper(self._base(document, name), model.fascia_c10, model.ogden_form)
         with error_context(self._path):
             laws = self._files.laws(document.laws)
             if name in document.materials:
                 laws |= self._files.laws(document.materials[name].laws)
-        with error_context(self._path, f"materials.{name}"):
-            return paper.replace_known(laws, self._limb.tissues)
+        # `Plan.warnings` says it once for all cases, and where.
+        with error_context(self._path, f"materials.{name}"), catch_warnings():
+            simplefilter("ignore", MaterialWarning)
+            changed = paper.replace_known(laws, self._limb.tissues)
+            return replace(changed, name=_joined(name, label))
 
     def _placement(self, socket: AnySocket, name: str, support: SocketSupport) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""

@@ -219,6 +219,8 @@ class Study:
         with ExitStack() as stack:
             on_first_rank(comm, lambda: stack.enter_context(place))
             log.info("results go to %s", folder)
+            for text in self.plan.warnings if comm.rank == 0 else ():
+                log.warning("%s", text)
             runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
             runner.run(resume)
         return load_results(folder)
