@@ -42,7 +42,7 @@ def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
     from calfsocket.report.write import write_report
     from calfsocket.simulation.results import load_results
 
-    return write_report(load_results(folder), [guest], thresholds)
+    return write_report(load_results(folder), guest, thresholds)
 
 
 @command(

@@ -45,10 +45,13 @@ class Evidence(Findings):
         """Settings of the study, by their last name."""
         return inputs.settings(self.results)
 
-    @property
-    def laws(self) -> inputs.Laws:
-        """Material set -> tissue -> law and parameters (MPa)."""
-        return inputs.laws(self.results)
+    @cached_property
+    def parameters(self) -> comparison.Laws:
+        """Material set -> tissue -> kind of law and parameters, MPa."""
+        return {
+            name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
+            for name, laws in inputs.laws(self.results).items()
+        }
 
     @property
     def run(self) -> StudyRecord:

@@ -14,7 +14,8 @@ from calfsocket.paper import published
 from calfsocket.paper.claims import found, given
 from calfsocket.paper.claims.rules import INPUT, PAPER, RESULT, Fact, holds, in_words
 from calfsocket.paper.evidence import Evidence, NotChecked
-from calfsocket.report.table import Table, listed
+from calfsocket.report.table import Table
+from calfsocket.report.words import listed
 
 HOLDS, FAILS, UNCHECKED = "holds", "does not hold", "cannot be checked"
 VERDICTS = (HOLDS, FAILS, UNCHECKED)
@@ -90,12 +91,4 @@ def table(board: pd.DataFrame) -> Table:
     contradicted = board.paper_tables.str.startswith("NO")
     paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
     shown = board.assign(paper=paper).set_index("id")
-    return Table(
-        "scoreboard",
-        "Scoreboard",
-        f"Of the paper's {len(board)} claims there are {listed(parts(board))}. Computed from this "
-        "study's inputs and results; what counts as agreement is the same for all claims of a "
-        "kind.",
-        board,
-        shown[["claim", "judges", "verdict", "ours", "paper", "why"]],
-    )
+    return Table("scoreboard", board, shown[["claim", "judges", "verdict", "ours", "paper", "why"]])

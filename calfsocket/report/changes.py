@@ -1,4 +1,4 @@
-r"""What merging fascia and muscle changes: relative changes of maxima and at their sites.
+r"""What the Combined set changes: relative changes of maxima and at their sites.
 
 In percent, of signed values with the Separate set as reference,
 
@@ -10,6 +10,7 @@ so that the change of magnitude stands beside it:
 .. math:: 100 \frac{|c| - |s|}{|s|}.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -58,8 +59,8 @@ def complete_sockets(results: Results) -> tuple[str, ...]:
     )
 
 
-def relative_changes(results: Results) -> pd.DataFrame:
-    """Compare the two sets in every socket that has both.
+def relative_changes(results: Results, tissues: Sequence[str] = SUMMARY_TISSUES) -> pd.DataFrame:
+    """Compare the two sets in every socket that has both, in some tissues.
 
     Returns
     -------
@@ -73,7 +74,7 @@ def relative_changes(results: Results) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for socket in complete_sockets(results):
         pair = results[socket, "separate"], results[socket, "combined"]
-        for tissue in SUMMARY_TISSUES:
+        for tissue in tissues:
             found = [row for name in reported(tissue) for row in _tissue_rows(*pair, tissue, name)]
             if tissue == "skin":
                 found += _contact_rows(*pair)

@@ -98,7 +98,8 @@ class Result:
         """Draw the deformed section with its effective stress and the contact pressure around."""
         from calfsocket.plotting import case  # half a second, which solving may do without
 
-        return case.draw(self.quantities, self.line, case.case_title(*self.record.key))
+        title = case.case_title(*self.record.key)
+        return case.draw(self.quantities, self.line, title, self.record.frame)
 
     def draw(self, folder: Path | str) -> Path:
         """Write the picture of `plot` as picture.png into a folder; return its path."""

@@ -28,7 +28,7 @@ from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report.changes import magnitude_change, relative_change
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.names import QUANTITIES, SETS, material_set, region
-from calfsocket.report.table import number
+from calfsocket.report.words import number
 from calfsocket.simulation.results import Key
 
 OF = {"stress": STRESSES, "strain": STRAINS}
@@ -252,7 +252,7 @@ def pressure_rise(e: Evidence, of: str) -> Fact:
     falls = [socket for socket in rises if rises[socket] <= 0 < means[socket]]
     why = "rises by another share"
     if falls:
-        c10 = e.laws["separate"]["fascia"].get("c10")
+        c10 = e.parameters["separate"]["fascia"].get("c10")
         why = f"in {', '.join(falls)} the mean rises, the largest falls: in Separate a fascia of "
         why += (
             f"C10 {c10:g} MPa concentrates pressure in peaks" if c10 else "another law is stiffer"
@@ -364,7 +364,7 @@ def fascia_strain_in_hs(e: Evidence, of: str) -> Fact:
     wrong = [] if value < FASCIA_LIMIT else [f"above {FASCIA_LIMIT:g} %"]
     wrong += [] if where == "HS" else [f"largest in {where}"]
     here = not wrong
-    c10 = e.laws["separate"]["fascia"].get("c10")
+    c10 = e.parameters["separate"]["fascia"].get("c10")
     if not about(value, 18) and c10:
         wrong.append(f"C10 is {c10:g} MPa; the paper's stresses and strains need about 0.5")
     return {"value": value if here else np.nan, "strains": strains, "wrong": wrong}

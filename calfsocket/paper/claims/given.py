@@ -40,21 +40,21 @@ MMHG_KPA = 0.133322
 
 def materials_and_sockets(e: Evidence, of: str) -> Fact:
     """Return the numbers of materials of the limb in each set, and of sockets."""
-    counts = {name: len({repr(e.laws[name][t]) for t in LIMB_TISSUES}) for name in SETS}
+    counts = {name: len({repr(e.parameters[name][t]) for t in LIMB_TISSUES}) for name in SETS}
     counts["sockets"] = len(e.sockets)
     return {"value": list(counts.values()), **counts}
 
 
 def nonlinear_with_friction(e: Evidence, of: str) -> Fact:
     """Return whether laws are nonlinear and there is friction."""
-    laws = sorted({law["law"] for law in e.laws["separate"].values()})
+    laws = sorted({law["law"] for law in e.parameters["separate"].values()})
     friction = e.settings["friction"]
     return {"value": {"ogden", "yeoh"} <= {*laws} and friction > 0, "laws": laws, "mu": friction}
 
 
 def laws_that_differ(e: Evidence, of: str) -> Fact:
     """Return tissues whose law differs between the sets, and the laws of muscle and fascia."""
-    separate, combined = e.laws["separate"], e.laws["combined"]
+    separate, combined = e.parameters["separate"], e.parameters["combined"]
     differ = ", ".join(sorted(name for name in separate if separate[name] != combined[name]))
     shared = "one" if combined["muscle"] == combined["fascia"] else "two"
     return {"value": f"{differ}; {shared} in Combined"}
@@ -62,7 +62,7 @@ def laws_that_differ(e: Evidence, of: str) -> Fact:
 
 def law_of_each_tissue(e: Evidence, of: str) -> Fact:
     """Return the kind of law of every tissue, and the numbers of Ogden terms."""
-    laws = {tissue: e.laws["separate"][tissue] for tissue in LIMB_TISSUES}
+    laws = {tissue: e.parameters["separate"][tissue] for tissue in LIMB_TISSUES}
     terms = {len(law["mu"]) for law in laws.values() if law["law"] == "ogden"}
     kinds = ", ".join(f"{tissue} {law['law']}" for tissue, law in laws.items())
     return {"value": f"{kinds}; terms {terms}", "kinds": kinds}
@@ -70,7 +70,7 @@ def law_of_each_tissue(e: Evidence, of: str) -> Fact:
 
 def parameters(e: Evidence, of: str) -> Fact:
     """Return the relative deviations of a material's parameters from Table 1."""
-    rows = comparison.materials(e.laws)
+    rows = comparison.materials(e.parameters)
     rows = rows[rows.material == of]
     off = ((rows.ours - rows.paper) / rows.paper).abs()
     ours = [f"{r.symbol} {r.ours:.4g} {r.unit}".rstrip() for r in rows.itertuples()]
@@ -80,8 +80,8 @@ def parameters(e: Evidence, of: str) -> Fact:
 
 def d1_of_poisson_ratio(e: Evidence, of: str) -> Fact:
     """Return the deviation of D1 = 3 (1 - 2 nu) / (mu1 (1 + nu)) from those of the laws."""
-    laws = [e.laws["separate"][tissue] for tissue in ("skin", "fat", "muscle")]
-    laws.append(e.laws["combined"]["muscle"])
+    laws = [e.parameters["separate"][tissue] for tissue in ("skin", "fat", "muscle")]
+    laws.append(e.parameters["combined"]["muscle"])
     factor = 3 * (1 - 2 * POISSON_RATIO) / (1 + POISSON_RATIO)
     off = max(abs(factor / law["mu"][0] / law["d1"] - 1) for law in laws)
     return {"value": off, "off": 100 * off}
@@ -97,7 +97,7 @@ def ogden_prefactor(e: Evidence, of: str) -> Fact:
     at = published.maximum()
     abaqus, printed = [], []
     for tissue, name in (("skin", "separate"), ("skin", "combined"), ("muscle", "separate")):
-        law = e.laws[name][tissue]
+        law = e.parameters[name][tissue]
         mu, alpha = 1e3 * law["mu"][0], law["alpha"][0]
         for socket in SOCKETS:
             shear = abs(at[(tissue, "shear_log_strain", socket, name)]) / 100
@@ -105,7 +105,7 @@ def ogden_prefactor(e: Evidence, of: str) -> Fact:
             ratio = stress / (2 * mu / alpha * np.sinh(alpha * shear / 2))
             abaqus.append(ratio)
             printed.append(ratio / (alpha / 2))
-    form = e.laws["separate"]["skin"]["form"]
+    form = e.parameters["separate"]["skin"]["form"]
     medians = {"abaqus": np.median(abaqus), "printed": np.median(printed)}
     fits = abs(np.log(medians["printed"])) < abs(np.log(medians["abaqus"]))
     return {"value": form if fits else "refuted by the paper's tables", "form": form, **medians}
@@ -113,7 +113,7 @@ def ogden_prefactor(e: Evidence, of: str) -> Fact:
 
 def fascia_is_incompressible(e: Evidence, of: str) -> Fact:
     """Return whether the separate fascia has no D."""
-    law = e.laws["separate"]["fascia"]
+    law = e.parameters["separate"]["fascia"]
     return {"value": law["law"] == "yeoh" and not law.get("d1")}
 
 
@@ -121,8 +121,8 @@ def fascia_is_modelled(e: Evidence, of: str) -> Fact:
     """Return whether fascia is in both sets, in none with muscle's own material."""
     limb = e.run.limb
     areas = [limb.areas[name] for name, tissue in limb.tissues.items() if tissue == "fascia"]
-    muscle = e.laws["separate"]["muscle"]
-    ignored = any(e.laws[name]["fascia"] == muscle for name in SETS)
+    muscle = e.parameters["separate"]["muscle"]
+    ignored = any(e.parameters[name]["fascia"] == muscle for name in SETS)
     return {"value": bool(areas) and not ignored, "n": len(areas), "area": sum(areas)}
 
 
@@ -172,7 +172,7 @@ def wall(e: Evidence, of: str) -> Fact:
 def bare_socket(e: Evidence, of: str) -> Fact:
     """Return whether the socket is one stiff material, without a liner between it and the skin."""
     tissues = set(e.any_case().fields.region_tissues.values())
-    law = e.laws["separate"]["socket"]
+    law = e.parameters["separate"]["socket"]
     bare = not tissues - {*SUMMARY_TISSUES, "bone", "socket"}
     return {"value": bare and law["law"] == "hencky", "modulus": law["e"]}
 

@@ -22,7 +22,7 @@ from calfsocket.paper.claims.tolerances import (
     about,
     about_change,
 )
-from calfsocket.report.table import change, number
+from calfsocket.report.words import change, number
 
 RESULT, INPUT, PAPER = "result", "input", "paper"
 """What a claim may judge: results, an input of the study, or the paper's own numbers."""
