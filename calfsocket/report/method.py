@@ -10,7 +10,7 @@ from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table
 from calfsocket.report.variants import changes_of
 from calfsocket.report.words import number
-from calfsocket.simulation.record import StudyRecord
+from calfsocket.simulation.record import CaseRecord, StudyRecord
 from calfsocket.simulation.results import KEY, Results
 
 SETTINGS = {
@@ -85,10 +85,19 @@ def settings_in_words(findings: Findings) -> list[str]:
 
 def warnings(results: Results) -> list[str]:
     """List what a reader must know before using a number: cases left out, and checks not passed."""
-    found = [f"{name} is left out: {why}" for name, why in results.left_out.items()]
+    found = []
+    for record in results.unsolved.values():
+        about = f"{record.name} is left out" + (f", {stopped(record)}" if stopped(record) else "")
+        found.append(f"{about}: {results.left_out[record.name]}")
     for record in results.records.values():
         found += [f"{record.name}: {text}" for text in record.warnings]
     return found
+
+
+def stopped(record: CaseRecord) -> str:
+    """Return at which load a case has failed; empty where it reached none."""
+    failed = record.status == "failed" and record.load
+    return f"stopped at load {record.load:.3g} of 1" if failed else ""
 
 
 def _cases(results: Results) -> Table:

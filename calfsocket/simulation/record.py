@@ -141,6 +141,16 @@ class CaseRecord(Strict):
         return Frame(self.axes.get("+x"), self.axes.get("+y"))
 
     @property
+    def solved(self) -> bool:
+        """Whether it reached its full load: only then has it results."""
+        return self.status == "solved"
+
+    @property
+    def load(self) -> float | None:
+        """Load of its last equilibrium, 0 to 1; None where there is none."""
+        return self.checks.load if self.checks else None
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Checks that its result does not pass."""
         return self.checks.warnings if self.checks else ()
@@ -224,30 +234,45 @@ class StudyRecord(Strict):
     cases: dict[str, CaseRecord]
 
 
-def read_run(path: Path) -> StudyRecord:
+def read_run(path: Path, advice: str = "") -> StudyRecord:
     """Read the run.json of a study.
+
+    Parameters
+    ----------
+    advice : str, optional
+        What to do where it cannot be read; by default what helps who wants to solve it again.
 
     Raises
     ------
     InputError
-        If it is none, or was written by another version.
+        If it is none, or was written by another version: why, and the advice.
     """
-    text = read_text(path)
+    again = "solve the study file again"
     try:
-        content = json.loads(text)
+        content = json.loads(read_text(path))
+    except InputError as error:
+        raise _refusal(path, error, advice or again) from None
     except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
+        raise InputError(f"{path}: is not JSON: {error}; {advice or again}") from None
     except RecursionError:
-        raise InputError(f"{path}: has too many levels of nesting") from None
+        raise InputError(f"{path}: has too many levels of nesting; {advice or again}") from None
     if not isinstance(content, dict) or content.get("program") != "calfsocket":
-        raise InputError(
-            f"{path}: is not the run.json of a study; name a study file, or a run.json that this "
-            "version has written"
-        )
+        usual = "name a study file, or a run.json that this version has written"
+        raise InputError(f"{path}: is not the run.json of a study; {advice or usual}")
     if content.get("format") != FORMAT:
-        version = content.get("versions", {}).get("calfsocket", "another version")
+        versions = content.get("versions")
+        version = versions.get("calfsocket") if isinstance(versions, dict) else None
+        by = f"calfsocket {version}" if version else "another version"
         raise InputError(
-            f"{path}: was written by calfsocket {version}, whose run.json this version does not "
-            "read; solve the study file again, or use that version"
+            f"{path}: was written by {by}, whose run.json this version does not read; "
+            f"{advice or f'{again}, or use that version'}"
         )
-    return checked(path, content, StudyRecord, units_required=False)
+    try:
+        return checked(path, content, StudyRecord, units_required=False)
+    except InputError as error:
+        raise _refusal(path, error, advice or again) from None
+
+
+def _refusal(path: Path, error: InputError, advice: str) -> InputError:
+    """Return an error with advice for who does not want to mend the file."""
+    return InputError(f"{path}: cannot be used ({str(error).removeprefix(f'{path}: ')}); {advice}")

@@ -9,6 +9,7 @@ from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import panels
 from calfsocket.report import names
 from calfsocket.report.findings import Findings
+from calfsocket.report.method import stopped
 from calfsocket.simulation.result import Result
 
 KEY_MM = 21.0
@@ -25,8 +26,8 @@ def case_panels(
         if (socket, sets[row]) in results:
             draw(axes, results[socket, sets[row]])
         else:
-            asked = f"{socket}_{sets[row]}" in results.left_out
-            text = "not solved" if asked else "not in the study"
+            record = results.unsolved.get((socket, sets[row]))
+            text = stopped(record) or "not solved" if record else "not in the study"
             axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center")
 
     rows = [f"{names.material_set(name)} set" for name in sets]
