@@ -67,7 +67,7 @@ def written(results: Results, invite: Callable[[Findings], Guest | None] = guest
 
 def plain(page: str) -> str:
     """Return the text of a page."""
-    page = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
+    page = re.sub(r"<style>.*?</style>", "", page.replace("\n", " "))
     page = re.sub(rf"</(?:{ENDS})>", "\n", page)
     page = re.sub(r"</t[hd]>", " | ", page)
     text = html.unescape(re.sub(r"<[^>]+>", "", page))

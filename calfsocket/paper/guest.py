@@ -17,6 +17,7 @@ from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.figures import figures
 from calfsocket.paper.published import PARTS, pressure
 from calfsocket.paper.tables import FLIP, tables
+from calfsocket.report import method
 from calfsocket.report.findings import Findings
 from calfsocket.report.write import Guest
 from calfsocket.simulation.results import Key, Results
@@ -37,6 +38,9 @@ NUMBERS = {
     "contact_pressure": "9",
 }
 """Of the paper's figures; 5b is ours."""
+
+CHOICES = {"fascia_c10": "fascia's C10", "ogden_form": "Ogden form"}
+"""Settings that the paper leaves open, and their words."""
 
 MARKS = {scoreboard.HOLDS: "✓", scoreboard.FAILS: "✗", scoreboard.UNCHECKED: "?"}
 
@@ -87,6 +91,7 @@ def guest(findings: Findings) -> Guest | None:
     printed = pressure().set_index(["quantity", "socket"]).printed["contact_pressure_max"]
     of_paper = choices.are_the_papers(findings)
     values = {
+        "settings": method.in_words(findings, {**method.FIRST, **CHOICES}),
         "whole": len(keys) == len(findings.results),
         "flip": FLIP,
         "papers_variants": of_paper,

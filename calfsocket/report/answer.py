@@ -82,7 +82,7 @@ class Answer:
                 rows = self._rows[
                     (self._rows.tissue == tissue) & (self._rows.quantity == quantity)
                 ].dropna(subset="value")
-                if len(rows):
+                if rows.value.any():
                     largest = rows.loc[rows.value.abs().idxmax()]
                     found.setdefault(tissue, []).append(_peak(self.findings, largest))
         return found

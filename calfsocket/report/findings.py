@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from shapely import Polygon
+from shapely import Polygon, area, difference
 
 from calfsocket.materials.law import Law
 from calfsocket.materials.tissues import TISSUES
@@ -24,6 +24,9 @@ from calfsocket.simulation.results import Results
 
 STIFF = 10.0
 """A tissue is a stiff sheet in another whose initial shear modulus is smaller by this factor."""
+
+AREA_DIGITS = 2
+"""Decimals of a share of area in %: two areas that agree in them are called equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +108,20 @@ class Findings:
         }
 
     @cached_property
-    def area_lost(self) -> dict[str, float]:
-        """By how much the area that each socket encloses is smaller than the limb's, %."""
-        found = {}
-        for (socket, _), result in self.results.items():
-            if socket not in found:
-                found[socket] = _area_lost(result.fields)
-        return found
+    def areas(self) -> pd.DataFrame:
+        """What each socket takes of the limb's area, %.
+
+        `lost` is by how much less it encloses than the limb, `overlap` the share that lies in its
+        wall before contact.
+        """
+        fields = {socket: result.fields for (socket, _), result in self.results.items()}
+        rows = [_areas(each) for each in fields.values()]
+        return pd.DataFrame(rows, [*fields], ["lost", "overlap"]).round(AREA_DIGITS)
+
+    @property
+    def not_smaller(self) -> list[str]:
+        """Sockets that do not enclose less area than the limb."""
+        return [*self.areas.index[self.areas.lost <= 0]]
 
     # --- its material sets
 
@@ -149,8 +159,8 @@ class Findings:
     @property
     def own_laws(self) -> list[str]:
         """Regions that have a law of their own in some material set."""
-        regions = self.fields.region_names.values()
-        return [name for name in regions if any(name in laws for laws in self.laws.values())]
+        named = dict.fromkeys(name for laws in self.laws.values() for name in laws)
+        return [name for name in named if name not in TISSUES]
 
     @property
     def stiff_fascia(self) -> bool:
@@ -161,12 +171,12 @@ class Findings:
         )
 
 
-def _area_lost(fields: SectionFields) -> float:
-    outlines = (
+def _areas(fields: SectionFields) -> tuple[float, float]:
+    paths = (
         section.limb_boundary(fields, fields.points),
         section.boundary(fields.cells[fields.cells_of("socket")], fields.points),
     )
-    limb, socket = (
-        [Polygon(np.asarray(each)).area for each in path.to_polygons()] for path in outlines
-    )
-    return 100 * (1 - min(socket) / max(limb))
+    limb, socket = ([Polygon(np.asarray(ring)) for ring in each.to_polygons()] for each in paths)
+    outline, cavity = max(limb, key=area), min(socket, key=area)
+    outside = area(difference(outline, cavity))
+    return 100 * (1 - area(cavity) / area(outline)), 100 * outside / area(outline)

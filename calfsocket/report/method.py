@@ -1,5 +1,6 @@
 """How the results were computed: settings, cases and their checks, versions, as tables."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
@@ -68,18 +69,17 @@ def settings(findings: Findings) -> dict[str, Any]:
     return found
 
 
-def settings_in_words(findings: Findings) -> list[str]:
-    """Return what a reader wants to know of the settings first."""
+FIRST = {"size": "mesh size", "socket_support": "socket", "friction": "friction"}
+"""What a reader wants to know of the settings first, and its words."""
+
+
+def in_words(findings: Findings, words: Mapping[str, str]) -> list[str]:
+    """Return some of the settings in words."""
     found = settings(findings)
-    words = {
-        "size": "mesh size",
-        "socket_support": "socket",
-        "friction": "friction",
-        "fascia_c10": "fascia's C10",
-        "ogden_form": "Ogden form",
-    }
     return [
-        f"{word} {str(found[key]).replace('-', ' ')}" for key, word in words.items() if key in found
+        f"{word} {_text(found[key]).replace('-', ' ')}"
+        for key, word in words.items()
+        if key in found
     ]
 
 

@@ -133,19 +133,20 @@ def overlays(findings: Findings) -> Figure:
 
     def draw(axes: Axes, socket: str, _: int) -> None:
         _draw_overlay(axes, section[socket])
-        lost = findings.area_lost[socket]
+        lost = findings.areas.lost[socket]
         text = f"encloses {abs(lost):.2f} % {'less' if lost > 0 else 'more'} area"
+        text = text if lost else "encloses as much area"
         axes.text(0.5, -0.01, text, transform=axes.transAxes, ha="center", va="top", fontsize=7)
 
     titles, limb = findings.socket_titles, findings.frame
     figure = panels(titles, [""], window, draw, limb, key=18.0, below=4.0)
-    areas = [
-        Patch(color=LIMB, label="limb"),
-        Patch(color=BONE_DARK, label="bone"),
-        Patch(color=drawing.SOCKET, label="socket"),
-        Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"),
-    ]
-    legend_at(figure, 3.0, 6.0, areas if "bone" in findings.tissues else [areas[0], *areas[2:]])
+    areas = [Patch(color=LIMB, label="limb")]
+    if "bone" in findings.tissues:
+        areas.append(Patch(color=BONE_DARK, label="bone"))
+    areas.append(Patch(color=drawing.SOCKET, label="socket"))
+    if findings.areas.overlap.any():
+        areas.append(Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"))
+    legend_at(figure, 3.0, 6.0, areas)
     return figure
 
 

@@ -81,7 +81,7 @@ def draw_map(findings: Findings, what: Map) -> Figure:
         )
         for tissue in findings.soft_tissues:
             level = result.quantities.maximum(tissue, what.quantity)
-            if level.region:
+            if level.region and level.value:
                 site = deformed_site(result.fields, level.x_mm, level.y_mm)
                 axes.plot(*site, MARKERS[tissue], **MARKER, markersize=3.2, zorder=5)
 

@@ -52,8 +52,8 @@ def contact_pressure(findings: Findings) -> Figure:
         band.draw(axes, levels, fontsize=6)
         smooth = result.line.running_mean_kPa
         peak = int(np.argmax(smooth))
-        x, y = band.at(band.pressure_kPa)[peak]
-        axes.plot(x, y, **PEAK, zorder=6)
+        if smooth[peak]:
+            axes.plot(*band.at(band.pressure_kPa)[peak], **PEAK, zorder=6)
         mean = result.contact_levels["contact_pressure_mean"].value
         share = result.contact_levels["contact_share"].value
         extent = limb.get_extents()
@@ -65,14 +65,16 @@ def contact_pressure(findings: Findings) -> Figure:
         )  # fmt: skip
 
     figure = case_panels(findings, window, draw)
-    pressure = [
-        pressure_band.key("contact pressure, drawn outward from the skin"),
-        Line2D([], [], **pressure_band.LEVEL_LINE, label="lines of equal pressure, kPa"),
-    ]
-    largest = f"largest running mean over {RUNNING_MEAN_MM:g} mm"
-    rest: list[Artist] = [Line2D([], [], **PEAK, label=largest), Patch(color=LIMB, label="limb")]
+    rest: list[Artist] = [Patch(color=LIMB, label="limb")]
     if "bone" in findings.tissues:
         rest.append(Patch(color=BONE_DARK, label="bone"))
-    legend_at(figure, 2.0, 11.0, pressure)
+    if highest:
+        label = f"largest running mean over {RUNNING_MEAN_MM:g} mm"
+        rest.insert(0, Line2D([], [], **PEAK, label=label))
+        pressure = [
+            pressure_band.key("contact pressure, drawn outward from the skin"),
+            Line2D([], [], **pressure_band.LEVEL_LINE, label="lines of equal pressure, kPa"),
+        ]
+        legend_at(figure, 2.0, 11.0, pressure)
     legend_at(figure, 2.0, 5.0, rest)
     return figure
