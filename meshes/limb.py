@@ -319,17 +319,17 @@ class Limb(Strict):
         """Yield what whoever wrote the file should know, a line each; nothing is wrong with it."""
         if not self.frame.known:
             yield (
-                "the limb has no axes, so sides are called +x and +y, and angles of sockets count"
+                "no axes are given, so sides are called +x and +y, and angles of sockets count"
                 " from +x counter-clockwise; add e.g. axes = {'+x': 'lateral', '+y': 'anterior'}"
             )
         elif self.side and not self.seen_from and self.frame.view(self.side) == "below":
-            yield f"with these axes the limb is a {self.side} one seen from below"
+            yield f"with these axes it is a {self.side} limb seen from below"
         if self.remarks:
-            yield f"nothing is computed from {', '.join(self.remarks)} of the limb"
+            yield f"nothing is computed from {', '.join(self.remarks)}"
         used = {name for region in self.regions for name in region.loops}
         used |= {each.of for each in self.curves.values() if isinstance(each, OffsetCurve)}
         if unused := [name for name in self.curves if name not in used]:
-            yield f"curves that bound no region of the limb: {', '.join(unused)}"
+            yield f"curves that bound no region: {', '.join(unused)}"
 
 
 def _curve(limb: Limb, name: str) -> ClosedCurve:

@@ -1,9 +1,9 @@
 """Sockets: one class for each kind, which knows its numbers, its checks and its faces."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
 from pydantic import Field, GetJsonSchemaHandler, RootModel
@@ -15,12 +15,17 @@ from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
 from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve, Points
+from calfsocket.meshes.fairing import TOLERANCE
 from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.limb import Limb
+
+if TYPE_CHECKING:
+    from calfsocket.meshes.outline import ReadOutline
 
 #: How far a socket's face may lie from the skin, mm.
 Offset = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-100, le=100)]
 Shift = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-1000, le=1000)]
+Tolerance = Annotated[float, Written(LENGTH, "0.2 mm"), Field(gt=0, le=2)]
 Wall = Annotated[float, Written(LENGTH, "4.5 mm"), Field(gt=0, le=1000)]
 Angle = Annotated[float, Written(ANGLE, "90 deg")]
 Width = Annotated[float, Written(ANGLE, "20 deg"), Field(gt=0)]
@@ -115,7 +120,11 @@ class Socket(Strict):
             return Socket.from_outline(path)
         content = read_toml(path)
         with error_context(path):
-            table = resolved(content, reference_sockets(), lambda name: _points(path.parent / name))
+            table = resolved(
+                content,
+                reference_sockets(),
+                lambda name, **choice: _read_outline(path.parent / name, **choice),
+            )
         table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
 
@@ -124,6 +133,9 @@ class Socket(Strict):
         path: Path | str,
         shift: tuple[float, float] = (0.0, 0.0),
         rotation: float = 0.0,
+        tolerance: float = TOLERANCE,
+        layer: str | None = None,
+        curve: str | None = None,
         **wall: Any,
     ) -> "Outline":
         """Read the inner face of a socket from a CSV, DXF or SVG file (`outline.read_outline`).
@@ -134,6 +146,9 @@ class Socket(Strict):
             The file.
         shift, rotation
             The outline is turned about the origin, in degrees, and then shifted, in mm.
+        tolerance, layer, curve
+            How closely a rough outline is followed, mm, and which curve of a drawing is meant:
+            `OutlineFile`.
         **wall
             `title`, `wall_thickness`, `modulus` or `poisson`; and `name`, that of the file by
             default.
@@ -145,12 +160,18 @@ class Socket(Strict):
         """
         path = Path(path)
         wall.setdefault("name", path.stem)
-        return Outline(points=_points(path), shift=shift, rotation=rotation, **wall)
+        file = OutlineFile(tolerance=tolerance, layer=layer, curve=curve)
+        read = _read_outline(path, **file.model_dump())
+        return Outline(**vars(read), shift=shift, rotation=rotation, **wall)
 
     def elasticity(self) -> dict[str, float]:
         """Return what is the wall's own of E (MPa) and nu; empty where it is the material set's."""
         numbers = {"e": self.modulus, "nu": self.poisson}
         return {name: value for name, value in numbers.items() if value is not None}
+
+    def notices(self) -> Iterator[str]:
+        """Yield what whoever wrote its file should know, a line each; nothing is wrong with it."""
+        yield from ()
 
     def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the inner face for a limb."""
@@ -264,6 +285,22 @@ class CircleBlend(Socket):
         return curves.interpolated(exact, skin.knots)
 
 
+class OutlineFile(Strict):
+    """How the outline of a socket is read from a file.
+
+    Attributes
+    ----------
+    tolerance : float
+        How far the curve may be from an outline that is too rough to be taken as it is, mm.
+    layer, curve : str, optional
+        Which curve of a drawing is meant: its layer, its handle (DXF) or id (SVG).
+    """
+
+    tolerance: Tolerance = TOLERANCE
+    layer: str | None = None
+    curve: str | None = None
+
+
 class Outline(Socket):
     """Inner face: a closed spline through points, moved: turned about the origin, then shifted.
 
@@ -275,14 +312,23 @@ class Outline(Socket):
         By which the points are moved after they were turned, mm.
     rotation : float
         By which they are turned about the origin, degrees, counter-clockwise.
+    deviation : float
+        Largest distance of the curve from the outline in its file, mm, where that was too rough and
+        was smoothed; otherwise 0.
     """
 
     law: Literal["outline"] = "outline"
     points: Points
+    deviation: Annotated[float, Written(LENGTH, "0.1 mm"), Field(ge=0)] = 0.0
     shift: tuple[Shift, Shift] = (0.0, 0.0)
     rotation: Angle = 0.0
 
     _remedy: ClassVar[str] = "correct its points"
+
+    def notices(self) -> Iterator[str]:
+        """Yield how far the curve is from an outline that was smoothed."""
+        if self.deviation:
+            yield f"the outline was smoothed; the curve is up to {self.deviation:.2f} mm from it"
 
     def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the spline; it is the same for every limb."""
@@ -344,10 +390,10 @@ def _named(name: str, sockets: Mapping[str, AnySocket]) -> AnySocket:
     return sockets[name]
 
 
-def _points(path: Path) -> Points:
+def _read_outline(path: Path, **choice: Any) -> "ReadOutline":
     from calfsocket.meshes.outline import read_outline  # with readers of drawings
 
-    return read_outline(path)
+    return read_outline(path, **choice)
 
 
 _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend": CircleBlend}
@@ -355,7 +401,7 @@ _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend"
 
 
 def resolved(
-    table: Any, reference: Mapping[str, AnySocket], outline: Callable[[str], Points]
+    table: Any, reference: Mapping[str, AnySocket], outline: Callable[..., "ReadOutline"]
 ) -> Any:
     """Return a socket's table as its class has it, its file read and its reference filled in.
 
@@ -366,7 +412,7 @@ def resolved(
     reference : mapping
         Sockets that others may be like.
     outline : callable
-        Reads the points of an outline by the name of its file.
+        Reads an outline by the name of its file and the fields of `OutlineFile`.
 
     Raises
     ------
@@ -387,7 +433,14 @@ def resolved(
     if not isinstance(source, str):
         raise InputError(f"{ways[0]}: is {source!r}; it must be text in quotes")
     if ways == ["outline"]:
-        return {"law": "outline", "points": outline(source)} | changed
+        for key in ("points", "deviation"):
+            if key in changed:
+                raise InputError(f"{key}: comes from the file {source}; remove it")
+        how = {key: changed.pop(key) for key in OutlineFile.model_fields if key in changed}
+        file = checked(Path("outline"), how, OutlineFile)
+        read = outline(source, **file.model_dump())
+        deviation = LENGTH.text(read.deviation, "mm")
+        return {"law": "outline", "points": read.points, "deviation": deviation} | changed
     with error_context("like"):
         like = _named(source, reference)
     fields = {name for kind in _KINDS.values() for name in kind.model_fields}
@@ -405,16 +458,18 @@ class _Table:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         kinds = [handler.resolve_ref_schema(kind) for kind in handler(schema)["oneOf"]]
-        for kind in kinds:
-            del kind["properties"]["name"]  # that of its table
-            for field in kind["properties"].values():
+        how = OutlineFile.model_json_schema()["properties"]
+        for properties in (*(kind["properties"] for kind in kinds), how):
+            properties.pop("name", None)  # that of its table
+            for field in properties.values():
                 field.pop("default", None)  # a number without a unit
         offset, blend, outline = (dict(kind["properties"]) for kind in kinds)
         required = [["law", *kind["required"]] for kind in kinds[:2]]
         like = {"like": {"enum": list(reference_sockets())}, **offset, **blend}
         like.pop("law")
         outline["outline"] = {"type": "string", "minLength": 1, "description": "name of a file"}
-        del outline["law"], outline["points"]
+        outline |= how
+        del outline["law"], outline["points"], outline["deviation"]
         tables = zip(
             (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
         )

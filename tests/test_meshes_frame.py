@@ -138,7 +138,7 @@ def test_a_minimal_limb_needs_no_more_than_curves_and_regions(tmp_path: Path) ->
     assert limb.region_tags == {"soft": 1, "bone": 2}
     assert limb.areas["soft"] == pytest.approx(np.pi * (50**2 - 15**2), rel=1e-4)
     (notice,) = limb.notices()
-    assert "the limb has no axes, so sides are called +x and +y" in notice
+    assert "no axes are given, so sides are called +x and +y" in notice
 
 
 def test_what_is_not_used_of_a_limb_is_named() -> None:
@@ -149,8 +149,8 @@ def test_what_is_not_used_of_a_limb_is_named() -> None:
     limb = Limb(**content)
     assert list(limb.notices()) == [
         "nothing is computed from regions.latin, regions.target_area, regions.adjacent, fat_law,"
-        " topology, axes.origin of the limb",
-        "curves that bound no region of the limb: spare",
+        " topology, axes.origin",
+        "curves that bound no region: spare",
     ]
     assert Limb(**limb.model_dump()) == limb
     assert not list(LIMB.notices())
@@ -159,6 +159,4 @@ def test_what_is_not_used_of_a_limb_is_named() -> None:
 def test_a_limb_seen_from_below_is_told() -> None:
     content = calf_content() | {"side": "left"}
     del content["seen_from"]
-    assert list(Limb(**content).notices()) == [
-        "with these axes the limb is a left one seen from below"
-    ]
+    assert list(Limb(**content).notices()) == ["with these axes it is a left limb seen from below"]

@@ -169,7 +169,7 @@ def test_shapes_of_known_area(tmp_path: Path) -> None:
         else:
             head = '<svg xmlns="http://www.w3.org/2000/svg" width="1in" viewBox="0 0 25.4 1">'
             (tmp_path / name).write_text(f"{head}{draw}</svg>")
-        curve = curves.through(read_outline(tmp_path / name))
+        curve = curves.through(read_outline(tmp_path / name).points)
         assert curve.area == pytest.approx(enclosed, rel=1e-5), name
         if name.startswith("circle"):
             centre = (3.0, 4.0 if name.endswith("dxf") else -4.0)  # y points down in an SVG
@@ -180,7 +180,7 @@ def test_shapes_of_known_area(tmp_path: Path) -> None:
 def test_down_in_a_drawing_is_the_back_of_the_limb(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     path.write_text('<svg width="99mm" viewBox="0 0 99 99"><circle cx="50" cy="30" r="40"/></svg>')
-    assert np.mean(read_outline(path), axis=0) == pytest.approx([50, -30], abs=0.01)
+    assert np.mean(read_outline(path).points, axis=0) == pytest.approx([50, -30], abs=0.01)
 
 
 def test_slight_corners_of_a_drawing_are_rounded_off_within_0_02_mm(tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_slight_corners_of_a_drawing_are_rounded_off_within_0_02_mm(tmp_path: Pa
     bulge = np.tan((2 * np.pi - angles[-1]) / 4)
     vertices = [(x, y, 0.0) for x, y in corners[:-1]] + [(*corners[-1], bulge)]
     dxf(lambda s: s.add_lwpolyline(vertices, format="xyb", close=True))(tmp_path / "a.dxf")
-    curve = curves.through(read_outline(tmp_path / "a.dxf"))
+    curve = curves.through(read_outline(tmp_path / "a.dxf").points)
     points = curve.evaluate(curve.sample(0.02))
     angle = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
     radii = np.linalg.norm(points, axis=1)
@@ -204,7 +204,7 @@ def test_slight_corners_of_a_drawing_are_rounded_off_within_0_02_mm(tmp_path: Pa
 
 def test_the_points_of_a_polygon_are_kept_as_they_are(tmp_path: Path) -> None:
     csv(tmp_path / "a.csv")
-    assert np.array(read_outline(tmp_path / "a.csv")) == pytest.approx(POINTS, abs=6e-5)
+    assert np.array(read_outline(tmp_path / "a.csv").points) == pytest.approx(POINTS, abs=6e-5)
 
 
 def test_a_file_that_may_not_be_read_is_named(

@@ -16,6 +16,7 @@ from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, limb
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.outline import ReadOutline
 from calfsocket.meshes.socket import NormalOffset, Socket, reference_sockets, resolved
 from calfsocket.study import document
 from calfsocket.study.cases import Plan
@@ -109,7 +110,7 @@ def test_every_remark_of_the_example_can_be_used():
     assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
     tables = {
-        name: resolved(table, reference_sockets(), lambda _: RING)
+        name: resolved(table, reference_sockets(), lambda _, **__: ReadOutline(RING))
         for name, table in content["sockets"].items()
     }
     document.Document.model_validate(content | {"sockets": tables})
@@ -202,7 +203,7 @@ def test_an_outline_is_read_from_beside_the_study(tmp_path):
     lost = skin.perimeter / skin.area
     assert case.placement.area_reduction == pytest.approx(lost, rel=0.02)
     record = Study.read(path).plan.source.files["inner.csv"]
-    assert len(record["content"]) == len(rows) and len(record["sha256"]) == 64
+    assert len(record["content"]["points"]) == len(rows) and len(record["sha256"]) == 64
 
 
 # ----- materials

@@ -1,6 +1,7 @@
-"""Files written so that a reader always sees a whole one.
+"""Files: what they are by their names, and how they are written.
 
-Every file is written beside its place, flushed to the disk and moved there in one step.
+A reader always sees a whole one: every file is written beside its place, flushed to the disk and
+moved there in one step.
 """
 
 import errno
@@ -17,6 +18,18 @@ from pathlib import Path
 
 from calfsocket.io.errors import InputError, WriteError
 
+_KINDS = {
+    "a surface mesh": ("stl", "ply", "obj", "3mf", "off", "wrl", "vtp"),
+    "a volume mesh or its fields": ("msh", "vtk", "vtu", "xdmf", "inp", "feb"),
+    "a volume image": ("nii", "nii.gz", "nrrd", "mha", "mhd", "dcm", "gipl", "img", "hdr"),
+    "a picture": ("png", "jpg", "jpeg", "tif", "tiff", "bmp", "gif", "webp", "pdf"),
+    "a CAD model": ("stp", "step", "igs", "iges", "brep", "sldprt", "3dm", "dwg"),
+    "a drawing": ("dxf", "svg"),
+    "a spreadsheet": ("xls", "xlsx", "ods"),
+    "a table": ("csv", "tsv", "txt"),
+}
+"""What files are that people have of a limb or a socket, by the end of their names."""
+
 _UNFINISHED = ".unfinished-"
 """Start of the name of a file that is being written."""
 
@@ -24,6 +37,15 @@ _OCCUPIED = ".running"
 """Says which process solves into a folder, and is locked by it."""
 
 log = logging.getLogger(__name__)
+
+
+def kind_of(path: Path) -> str:
+    """Return what a file is by its name, e.g. "a surface mesh (STL)"; empty where that is open."""
+    for kind, ends in _KINDS.items():
+        for end in ends:
+            if path.name.lower().endswith(f".{end}"):
+                return f"{kind} ({end.upper()})"
+    return ""
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """Checked models: built in Python or read from a file, they refuse bad input in the same words."""
 
+import codecs
 import difflib
 import json
 import stat
@@ -112,10 +113,12 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
     """Read a file of so many bytes at most as UTF-8; raise an InputError naming it otherwise."""
     check_readable(path, most)
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors write a byte order mark
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
+        if error.object.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            raise InputError(f"{path}: is UTF-16 text; save it as UTF-8") from error
         raise InputError(f"{path}: is not UTF-8 text ({error.reason})") from error
 
 

@@ -111,6 +111,14 @@ class Plan:
         return tuple(each.threshold() for each in self.document.thresholds)
 
     @property
+    def notices(self) -> list[str]:
+        """What whoever wrote the files should know of limb and sockets, a line each."""
+        lines = [f"limb: {notice}" for notice in self.limb.notices()]
+        for case in self.cases:
+            lines += [f"sockets.{case.of[0]}: {notice}" for notice in case.socket.notices()]
+        return list(dict.fromkeys(lines))
+
+    @property
     def settings(self) -> dict[str, dict[str, Any]]:
         """Tables `model` and `steps`, defaults filled in."""
         return self.document.model_dump(mode="json", include={"model", "steps"})
