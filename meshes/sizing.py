@@ -85,7 +85,7 @@ SIZES = {
         #        name     gap   curv small curves skin grow large  inner outer
         MeshSize("coarse", 1.70, 0.6, 0.70, 1.70, 1.70, 1.00, 6.0, 1.70, 2.20),
         MeshSize("medium", 1.00, 0.6, 0.50, 1.10, 1.00, 0.75, 5.0, 1.10, 1.60),
-        MeshSize("paper", 0.57, 0.6, 0.28, 0.60, 0.60, 0.60, 4.5, 0.70, 1.15),
+        MeshSize("paper", 0.57, 0.6, 0.28, 0.85, 0.60, 0.60, 4.5, 0.70, 1.15),
     )
 }
 

@@ -11,20 +11,14 @@ from calfsocket.verification.material_point import (
     LAWS,
     LOAD_CASES,
     TAYLOR_POINTS,
-    MaterialPoint,
+    at_point,
     free_sides,
-    material_point,
     moduli_error,
     objectivity_error,
     rotation,
     taylor_orders,
     worst_error,
 )
-
-
-@pytest.fixture(scope="module")
-def at() -> MaterialPoint:
-    return material_point()
 
 
 @pytest.mark.parametrize(
@@ -43,11 +37,11 @@ def test_closed_forms(name: str, case: str, ratio: float) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("stretch", [0.5, 0.8, 1.25, 2.0])
-def test_uniaxial_stress_in_plane_strain(at: MaterialPoint, name: str, stretch: float) -> None:
+def test_uniaxial_stress_in_plane_strain(name: str, stretch: float) -> None:
     """Sides free: sigma22 = 0 gives the second stretch and p; volume by p = K (J - 1)."""
     law = LAWS[name]
     F, p = free_sides(law, stretch)
-    sigma = at(law, F, p).cauchy
+    sigma = at_point(law, F, p).cauchy
     assert sigma[1] == pytest.approx(0, abs=1e-11 * max(abs(sigma[0]), abs(p)))
     assert sigma[0] == pytest.approx(law.cauchy(F, p)[0], rel=1e-10)
     assert sigma[0] * (stretch - 1) > 0
@@ -56,8 +50,8 @@ def test_uniaxial_stress_in_plane_strain(at: MaterialPoint, name: str, stretch: 
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_reference_state(at: MaterialPoint, name: str) -> None:
-    point = at(LAWS[name], np.eye(2))
+def test_reference_state(name: str) -> None:
+    point = at_point(LAWS[name], np.eye(2))
     assert point.energy == 0
     assert np.all(point.P == 0)
     assert np.all(point.cauchy == 0)
@@ -81,10 +75,10 @@ def test_reference_state(at: MaterialPoint, name: str) -> None:
         ("socket", 459 / 2.8),
     ],
 )
-def test_initial_shear_modulus(at: MaterialPoint, name: str, mu: float) -> None:
+def test_initial_shear_modulus(name: str, mu: float) -> None:
     law, dF = LAWS[name], np.array([[0, 1], [0, 0]])
     assert law.initial_shear_modulus == pytest.approx(mu, rel=1e-14)
-    assert at(law, np.eye(2), dF=dF).dP[0, 1] == pytest.approx(mu, rel=1e-14)
+    assert at_point(law, np.eye(2), dF=dF).dP[0, 1] == pytest.approx(mu, rel=1e-14)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -100,26 +94,26 @@ def test_taylor(name: str, where: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_tangent_smooth_at_equal_stretches(at: MaterialPoint, name: str) -> None:
+def test_tangent_smooth_at_equal_stretches(name: str) -> None:
     """Towards equal stretches the tangent tends to its value there: no division by l1 - l2."""
     law, dF = LAWS[name], np.array([[0.3, -0.7], [0.5, 0.6]])
     for F in (np.eye(2), 1.1 * rotation(0.3)):
-        there = at(law, F, dF=dF).dP
+        there = at_point(law, F, dF=dF).dP
         assert np.isfinite(there).all()
         for distance in (1e-6, 1e-9, 1e-12, 1e-15):
-            near = at(law, F + distance * np.diag([1, -1]), dF=dF).dP
+            near = at_point(law, F + distance * np.diag([1, -1]), dF=dF).dP
             change = np.abs(near - there).max() / np.abs(there).max()
             assert change < 1e3 * distance + 1e-14
 
 
-def test_as_printed_form(at: MaterialPoint) -> None:
+def test_as_printed_form() -> None:
     """Equation (1): sum mu/alpha (sum lb^alpha - 3), alpha/2 times Abaqus's form."""
     law, F = LAWS["as printed"], np.diag([1.3, 0.9])
     lb = np.array([1.3, 0.9, 1.0]) / (1.3 * 0.9) ** (1 / 3)
     printed = 0.012 / 14 * (np.sum(lb**14.0) - 3)
-    assert at(law, F).energy == pytest.approx(printed, rel=1e-13)
+    assert at_point(law, F).energy == pytest.approx(printed, rel=1e-13)
     abaqus = Ogden(mu=law.mu, alpha=law.alpha, d1=law.d1)
-    assert at(law, F).P == pytest.approx(7 * at(abaqus, F).P, rel=1e-13)
+    assert at_point(law, F).P == pytest.approx(7 * at_point(abaqus, F).P, rel=1e-13)
 
 
 # The figures stated in forms/kinematics.py.

@@ -28,6 +28,9 @@ for name in ("report.html", "table.html", "report.css"):
 templates.read("scoreboard.html", "calfsocket.paper.templates")
 from calfsocket.study.study import example
 example()
+from calfsocket.verification import page
+for name in (*page.SUBJECTS, "verification"):
+    page.TEMPLATES.get_template(f"{name}.md")
 """
 
 
@@ -114,6 +117,7 @@ def test_the_wheel_holds_every_module_and_data_file(sources: Path, wheel: Path) 
         for folder, place in places.items()
         for path in (sources / folder).rglob("*")
         if path.suffix in {".c", ".h", ".py", ".json", ".csv", ".html", ".css", ".toml"}
+        or path.parent.name == "pages"
     }
     with zipfile.ZipFile(wheel) as archive:
         packed = {Path(name) for name in archive.namelist() if "dist-info" not in name}

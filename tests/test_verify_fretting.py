@@ -12,11 +12,10 @@ from calfsocket.verification.fretting import (
     locked_shear,
     loop_work,
     partial_loop,
-    push,
     sliding,
     sliding_error,
 )
-from calfsocket.verification.hertz import press
+from calfsocket.verification.hertz import press, push
 
 
 @pytest.fixture(scope="module")
@@ -49,30 +48,31 @@ def test_locked_shear_carries_the_force():
     limit = LINE.friction * pressed.force
     for share in (0.6, 0.0, -0.3):
         state = replace(pressed, tangential=share * limit)
-        shear = locked_shear(state, 0.6 * limit, state.x, state.weight)
-        assert -shear @ state.weight == pytest.approx(share * limit, abs=1e-3 * limit)
+        length = state.edges.length
+        shear = locked_shear(state, 0.6 * limit, state.edges.x, length)
+        assert -shear @ length == pytest.approx(share * limit, abs=1e-3 * limit)
 
 
 def test_loop_without_sliding_is_mindlins(loop):
-    assert 0.4 < loop.largest / (LINE.friction * loop.push.force[0]) < 0.6
+    assert 0.4 < loop.largest / (LINE.friction * loop.push.steps.force[0]) < 0.6
     assert failing(loop.checks(bar=0.03)) == []
 
 
 def test_friction_takes_work_at_every_point(loop):
-    assert loop.push.work[3:].min() > 0
+    assert loop.push.steps.work[3:].min() > 0
     assert loop.push.least_work > -0.01
 
 
 def test_body_slides_at_the_limit_both_ways():
     slid = sliding(replace(LINE, divisions=4.0), step=1.0)
     assert sliding_error(slid) < 3e-3
-    assert slid.tangential[2] > 0 > slid.tangential[6]
-    assert slid.tangential[10] == pytest.approx(slid.tangential[2], rel=1e-3)
+    assert slid.steps.tangential[2] > 0 > slid.steps.tangential[6]
+    assert slid.steps.tangential[10] == pytest.approx(slid.steps.tangential[2], rel=1e-3)
 
 
 def test_after_a_turn_it_sticks_as_at_first():
     """Masing: the slope behind the turn is that of the start, twice the way for the same slip."""
     there = push(replace(LINE, divisions=4.0), [0.2, -0.2], 0.2)
-    first = there.tangential[1] / there.way[1]
-    back = np.diff(there.tangential)[1:].sum() / np.diff(there.way)[1:].sum()
+    first = there.steps.tangential[1] / there.steps.way[1]
+    back = np.diff(there.steps.tangential)[1:].sum() / np.diff(there.steps.way)[1:].sum()
     assert back == pytest.approx(first, rel=1e-3)

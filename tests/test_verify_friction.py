@@ -32,11 +32,12 @@ def test_closed_forms_by_hand():
 def test_a_cycle_is_as_it_should_be(loop):
     assert failing(loop.checks()) == []
     assert loop.slipping.sum() == 9
-    assert np.all(np.sign(loop.torque[[2, 3, 4]]) == 1)
-    assert np.all(np.sign(loop.torque[[7, 8]]) == -1)
+    torque = loop.steps.torque
+    assert np.all(np.sign(torque[[2, 3, 4]]) == 1)
+    assert np.all(np.sign(torque[[7, 8]]) == -1)
     # Coulomb's limit of the pressure in the same step.
-    limit = RING.friction * loop.pressure * 2.0 * np.pi * RING.radius**2
-    np.testing.assert_allclose(abs(loop.torque / limit)[loop.slipping], 1.0, rtol=1e-3)
+    limit = RING.friction * loop.steps.pressure * 2.0 * np.pi * RING.radius**2
+    np.testing.assert_allclose(abs(torque / limit)[loop.slipping], 1.0, rtol=1e-3)
 
 
 def test_the_error_of_the_slope_falls_with_the_mesh(loop):
@@ -46,7 +47,7 @@ def test_the_error_of_the_slope_falls_with_the_mesh(loop):
 
 def test_limit_moves_with_the_coefficient_of_friction():
     half = turn(replace(RING, friction=0.2, h=4.0), (2.0,))
-    assert half.torque[1] / RING.slip_torque == pytest.approx(0.5, rel=2e-3)
+    assert half.steps.torque[1] / RING.slip_torque == pytest.approx(0.5, rel=2e-3)
 
 
 @pytest.mark.parametrize("angle", [0.7, -2.5])

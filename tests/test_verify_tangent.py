@@ -1,10 +1,23 @@
 """The assembled tangent: finite differences, parameters, Newton's order."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from calfsocket.verification import newton
-from calfsocket.verification.newton import PROBES, TOLERANCE, Iterations, Solve, probe_at, recording
+from calfsocket.verification.newton import (
+    PROBES,
+    TOLERANCE,
+    Iterate,
+    converged,
+    largest_factor,
+    last_contraction,
+    last_iterations,
+    probe_at,
+    recording,
+)
+from calfsocket.verification.report import order
 from calfsocket.verification.tangent import (
     EQUILIBRIA,
     KINDS,
@@ -45,7 +58,7 @@ def recorded():
 def test_newton_is_of_second_order(recorded, name):
     probe, status = recorded[0][name]
     assert status == EQUILIBRIA[name][2]
-    assert probe.order == pytest.approx(2.0, abs=0.01)
+    assert order(probe.before, probe.after) == pytest.approx(2.0, abs=0.01)
     assert 2 <= len(probe.before) < len(PROBES)
     assert probe.after.min() > TOLERANCE
 
@@ -56,7 +69,7 @@ def test_a_probe_leaves_out_what_crosses_a_kink(monkeypatch):
     monkeypatch.setattr(newton, "contact_numbers", lambda problem: np.array([next(numbers)]))
     probe, _ = equilibrium_probe("stick")
     assert len(probe.before) == 0
-    assert np.isnan(probe.order)
+    assert np.isnan(order(probe.before, probe.after))
 
 
 def test_a_tangent_that_is_not_exact_shows():
@@ -73,36 +86,44 @@ def test_a_tangent_that_is_not_exact_shows():
     rest = model.create_vector()
     direction = random_direction(model, rest)
     assert difference(model, rest, direction).error == pytest.approx(0.01, rel=1e-3)
-    assert probe_at(model, rest, direction).order == pytest.approx(1.0, abs=0.01)
+    probe = probe_at(model, rest, direction)
+    assert order(probe.before, probe.after) == pytest.approx(1.0, abs=0.01)
 
 
 def test_recording_has_iterations_and_changes_of_status(recorded):
     solves = recorded[1]
     assert len(solves) == 1 + len(EQUILIBRIA["mixed"][1])
-    assert all(solve.converged for solve in solves)
-    assert any(solve.changes().any() for solve in solves)
-    found = Iterations.of(solves)
-    assert found.last.sum() == len(solves)
-    assert found.last_contraction < 1e-2
-    assert np.all(found.factor < 1e3)
+    assert all(map(converged, solves))
+    found = last_iterations(solves)
+    assert found["last"].sum() == len(solves)
+    assert last_contraction(found) < 1e-2
+    assert 0 < largest_factor(found) < 1e3
+    changes = [np.any(a.contact != b.contact) for solve in solves for a, b in pairwise(solve)]
+    assert any(changes)
     with recording() as later:
         pass
     assert later == []
 
 
+def solve_of(norms, contact, evaluations):
+    return [Iterate(*each) for each in zip(norms, contact, evaluations, strict=True)]
+
+
 def test_smooth_iterations_are_whole_steps_above_rounding_without_change():
     same, other = np.array([1, 4]), np.array([1, 5])
     norms = [1e-1, 1e-3, 1e-5, 1e-12]
-    smooth = Solve(norms, [same] * 4, [1, 2, 3, 4])
-    changing = Solve(norms, [same, same, other, other], [1, 2, 3, 4])
-    cut = Solve(norms, [same] * 4, [1, 2, 5, 6])
-    found = Iterations.of([smooth, changing, cut])
+    smooth = solve_of(norms, [same] * 4, [1, 2, 3, 4])
+    changing = solve_of(norms, [same, same, other, other], [1, 2, 3, 4])
+    cut = solve_of(norms, [same] * 4, [1, 2, 5, 6])
+    found = last_iterations([smooth, changing, cut])
     assert found.before.tolist() == 3 * [1e-3, 1e-5]
+    assert found.solve.tolist() == [0, 0, 1, 1, 2, 2]
     assert found.smooth.tolist() == [True, False, False, False, False, False]
-    assert found.factor == pytest.approx([10.0])
-    assert found.last_contraction == pytest.approx(1e-7)
-    failed = Solve([1.0, 0.5], [same] * 2, [1, 2])
-    assert len(Iterations.of([failed]).before) == 0
+    assert largest_factor(found) == pytest.approx(10.0)
+    assert last_contraction(found) == pytest.approx(1e-7)
+    failed = solve_of([1.0, 0.5], [same] * 2, [1, 2])
+    nothing = last_iterations([failed])
+    assert len(nothing) == largest_factor(nothing) == last_contraction(nothing) == 0
     checks = newton.newton_checks([smooth, failed])
     assert "1 of 2 solves" in checks[0].name
     assert newton.newton_checks([]) == []

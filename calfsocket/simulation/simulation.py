@@ -213,7 +213,7 @@ class Simulation:
             failure = str(error)
         if profile:
             profile.stop()
-        result = self._result(stepper, start, failure)
+        result = self.result(stepper, start, failure)
         if failure:
             raise ConvergenceError(failure, result)
         return result
@@ -244,7 +244,10 @@ class Simulation:
             monitor.resumed(start)
         return start
 
-    def _result(self, stepper: LoadStepper, start: Milestone | None, failure: str) -> Result:
+    def result(
+        self, stepper: LoadStepper, start: Milestone | None = None, failure: str = ""
+    ) -> Result:
+        """Read and check the equilibrium that a stepper has come to, from a start (collective)."""
         with self.phases("checks"):
             checks = check(stepper)
         with self.phases("fields"):

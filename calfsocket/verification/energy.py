@@ -1,38 +1,13 @@
-r"""Energy balance of a shrink fit: its work against stored energy and friction.
+"""Energy balance of a shrink fit: its work against stored energy and friction.
 
-Along a path of equilibria w(l) of the load l, the stored energy Pi (`forms.mixed.potential`, limb
-and socket) changes by its own residual in the direction of w', which the contact residual balances.
-Constrained boundaries do not move, and so
-
-    Pi' = int_skin t . (x' - y'|xi) dS,     t = p n + q e,
-
-x the skin and y the point of the socket that it is projected on, both as material points, per
-undeformed skin. Now x - y = g n, and n.n' = 0, n.y,xi = 0: with the turn theta' of the normal
-(n' = -e theta') and the slip velocity s' = |y,xi| xi',
-
-    (x' - y'|xi) . n = g',     (x' - y'|xi) . e = s' - g theta'.
-
-The shrink fit reduces the gap to r = g - (1 - l) g0 with g0 = min(g(0), 0), so that g' = r' - g0:
-
-    - int int p g0 dS dl  =  Pi(1) - Pi(0)  +  int int -q s' dS dl
-        work of the fit        stored            friction
-                               + int int q g theta' dS dl  -  int int p r' dS dl.
-                                 lever                        penetration
-
-Nothing is left out: the method is consistent, T = t at a solution, and theta = 0 adds no term. The
-lever is work that two tractions of opposite sign do when the overlap g parts them and the normal
-turns; it belongs to the path of the fit, as does the overlap, and is gone at its end. The
-penetration p r' vanishes with the element size: r is zero at a contact that is resolved.
-
-All integrals over l are trapezoids over the load steps, friction and lever together from the motion
-of x against the same material point of the socket, which is what the residual works on.
+Its derivation is in pages/limb.md. All integrals over the load are trapezoids over the load steps,
+friction and lever together from the motion of the skin against the same material point of the
+socket, which is what the residual works on.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
+import pandas as pd
 from dolfinx import fem, mesh
-from numpy.typing import NDArray
 
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.projection import shape_functions
@@ -41,44 +16,18 @@ from calfsocket.mechanics.kernels.library import JIT_OPTIONS
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes import tags
-from calfsocket.verification.sampling import Slid
+from calfsocket.verification.sampling import FloatArray, Slid
 
-FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class EnergyBalance:
-    """Energies of a path from its begin to each of n load steps, N mm per mm of limb length."""
-
-    load: FloatArray  #: (n,) loads, from 0
-    work: FloatArray  #: (n,) work of the fit
-    #: (n,) stored energies
-    limb: FloatArray
-    socket: FloatArray
-    friction: FloatArray  #: (n,) dissipated by slip of the socket's undeformed arc length
-    lever: FloatArray  #: (n,) rest of the work of friction tractions, see above
-    #: (n,) work of contact pressure on the reduced gap, > 0 where it takes energy
-    penetration: FloatArray
-
-    @property
-    def error(self) -> float:
-        """Work less stored energy and friction, at the end, relative to the work."""
-        stored = self.limb[-1] + self.socket[-1]
-        return float(1.0 - (stored + self.friction[-1]) / self.work[-1])
-
-    @property
-    def full_error(self) -> float:
-        """The same with lever and penetration: what the trapezoids leave."""
-        return self.error - float((self.lever[-1] + self.penetration[-1]) / self.work[-1])
+PARTS = ("load", "work", "limb", "socket", "friction", "lever", "penetration")
 
 
 class EnergyMeter:
-    """Follows a problem along its load steps, on one rank.
+    """Follows a problem, undeformed at load 0, along its load steps, on one rank.
 
-    Parameters
-    ----------
-    problem : Problem
-        At load 0, undeformed.
+    Its `balance` has a row a load step, the first at load 0, in N mm per mm of limb length: load;
+    work of the fit; energies stored in limb and socket; friction, dissipated by slip of the arc
+    length of the undeformed socket; lever, the rest of the work of friction tractions; penetration,
+    the work of contact pressure on the reduced gap, > 0 where it takes energy.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -87,18 +36,18 @@ class EnergyMeter:
         of_socket = (
             problem.section.cell_regions()[cells.indices] == problem.section.regions[tags.SOCKET]
         )
-        self._stored = []
-        for part in (~of_socket, of_socket):
+        self._stored = {}
+        for name, part in (("limb", ~of_socket), ("socket", of_socket)):
             laws = mesh.meshtags(domain, 2, cells.indices[part], cells.values[part])
             potential = mixed.potential(
                 problem.w, problem.fields.materials, mixed.volume_measure(domain, laws)
             )
-            self._stored.append(fem.form(potential, jit_options=JIT_OPTIONS))
+            self._stored[name] = fem.form(potential, jit_options=JIT_OPTIONS)
         contact = problem.contact
         state = contact.state()
         self._closing = np.minimum(state.gap, 0.0)
         self._weight = contact.points.weight
-        self._rows = [np.zeros(7)]
+        self._rows = [dict.fromkeys(PARTS, 0.0)]
         self._state = state
         self._socket_u = contact.socket_displacement()
         self._position = contact.deformed_points()
@@ -118,27 +67,44 @@ class EnergyMeter:
         shear = 0.5 * weight * (before.traction.shear + state.traction.shear)
         tangent = before.projection.tangent + state.projection.tangent
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
-        along = shear @ np.sum(way * tangent, axis=1)
-        friction = -shear @ Slid.between(contact, before, state).slip
-        growth = np.array(
-            [
-                step.load - last[0],
-                -(step.load - last[0]) * normal @ self._closing,
-                0.0,
-                0.0,
-                friction,
-                -along - friction,
-                -normal @ (state.reduced_gap - before.reduced_gap),
-            ]
+        along = float(shear @ np.sum(way * tangent, axis=1))
+        friction = -float(shear @ Slid.between(contact, before, state).slip)
+        work = -(step.load - last["load"]) * normal @ self._closing
+        penetration = -normal @ (state.reduced_gap - before.reduced_gap)
+        self._rows.append(
+            {
+                "load": step.load,
+                "work": last["work"] + float(work),
+                **{
+                    part: float(np.real(fem.assemble_scalar(e))) for part, e in self._stored.items()
+                },
+                "friction": last["friction"] + friction,
+                "lever": last["lever"] - along - friction,
+                "penetration": last["penetration"] + float(penetration),
+            }
         )
-        row = last + growth
-        row[2:4] = [float(np.real(fem.assemble_scalar(form))) for form in self._stored]
-        self._rows.append(row)
         self._state, self._position, self._socket_u = state, position, socket_u
 
-    def balance(self) -> EnergyBalance:
-        """Return what was recorded."""
-        return EnergyBalance(*np.array(self._rows).T)
+    @property
+    def balance(self) -> pd.DataFrame:
+        """Energies from the path's begin to each load step."""
+        return pd.DataFrame(self._rows)
+
+
+def share(balance: pd.DataFrame, *parts: str) -> float:
+    """Share of the work that went into these parts, at the end."""
+    end = balance.iloc[-1]
+    return float(end[list(parts)].sum() / end.work)
+
+
+def energy_error(balance: pd.DataFrame) -> float:
+    """Work less stored energy and friction, at the end, relative to the work."""
+    return 1.0 - share(balance, "limb", "socket", "friction")
+
+
+def trapezoid_error(balance: pd.DataFrame) -> float:
+    """Return what is left with lever and penetration, too: the error of the trapezoids."""
+    return energy_error(balance) - share(balance, "lever", "penetration")
 
 
 def _at(state: ContactState, nodal: FloatArray) -> FloatArray:

@@ -1,26 +1,4 @@
-r"""A body pressed on a flat and pushed to and fro: the fretting loop of Mindlin and Deresiewicz.
-
-A disc lies on a flat of its own material (`hertz`), is pressed by P, and its core is pushed
-sideways. As long as Q < mu P the contact slips only at its edges, and each change of direction
-starts from stick again. After Q rose to Q1 and came back to Q, with R(c) = sqrt(1 - x^2/c^2)
-inside |x| < c and 0 outside,
-
-    q(x) = mu p0 (2 c'/a R(c') - c1/a R(c1) - R(a)),
-    c1/a = sqrt(1 - Q1/(mu P)),    c'/a = sqrt(1 - (Q1 - Q)/(2 mu P)),
-
-so that shear remains at Q = 0. By Jaeger's theorem the tangential displacement is mu times a change
-of the normal approach, whose nonlinear part is f(P) = -P ln(P) / (pi E') in the plane:
-
-    d(Q) = C Q + g(Q),    g(Q) = mu (f(P) - f(P - Q/mu)),
-
-and the other branches are this one doubled (Masing). C depends on the bodies' shape, but a loop
-between -Q1 and Q1 encloses, for every C, the work of friction
-
-    W = 4 Q1 g(Q1) - 8 int_0^Q1 g dQ.
-
-Pushed farther, the disc slides at |Q| = mu P, both ways. Bodies that are not half-planes tilt
-slightly under shear, and the directions of P and Q with them, which limits the agreement to 1e-3
-here.
+"""A body pressed on a flat and pushed to and fro: the fretting loop.
 
 Mindlin and Deresiewicz 1953, doi:10.1115/1.4010702; Jaeger 1998, doi:10.1115/1.2833765; Johnson,
 Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, section 7.4.
@@ -30,76 +8,26 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from mpi4py import MPI
-from numpy.typing import NDArray
 from scipy.special import xlogy
 
-from calfsocket.meshes.tags import LIMB
-from calfsocket.verification.hertz import PARTIAL_SLIP, SHARE, Line, Pressed, read, root_mean
+from calfsocket.verification.hertz import (
+    PARTIAL_SLIP,
+    SHARE,
+    Line,
+    Pressed,
+    Push,
+    push,
+    root_mean,
+)
 from calfsocket.verification.report import Check, Curve, Section, curves
-from calfsocket.verification.sampling import Slid, worst
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.sampling import Array, FloatArray, worst
 
 MINDLIN = "Mindlin, Deresiewicz 1953"
 LINE = replace(PARTIAL_SLIP, divisions=6.0)
 
 
-@dataclass(frozen=True)
-class Push:
-    """A disc pushed to and fro; arrays have one value a step, the first before any."""
-
-    line: Line  #: the problem
-    way: FloatArray  #: (n,) where the core is, mm
-    states: tuple[Pressed, ...]  #: contact and reactions
-    work: FloatArray  #: (n,) work of friction in the step, integral of -q ds, N mm per mm
-    #: smallest work of friction at a point in a step, over mu p0 times the first step's way
-    least_work: float
-
-    @property
-    def force(self) -> FloatArray:
-        """P at each step, N/mm."""
-        return np.array([state.force for state in self.states])
-
-    @property
-    def tangential(self) -> FloatArray:
-        """Q at each step, N/mm."""
-        return np.array([state.tangential for state in self.states])
-
-
-def push(line: Line, turns: list[float], step: float) -> Push:
-    """Press the disc, then push its core to each of these places in turn.
-
-    Parameters
-    ----------
-    line : Line
-        With friction, and equal materials.
-    turns : list of float
-        Where the core changes its direction, in units of mu times the approach, at which about the
-        whole contact begins to slip.
-    step : float
-        Largest step, in the same units.
-    """
-    motion = line.pressed(MPI.COMM_SELF)
-    unit = line.friction * line.approach()
-    contact = motion.problem.contact
-    way, work, states, least = [0.0], [0.0], [read(line, motion)], 0.0
-    state = contact.state()
-    scale = line.friction * states[0].peak * step * unit
-    for start, end in zip([0.0, *turns[:-1]], turns, strict=True):
-        for target in np.linspace(start, end, math.ceil(abs(end - start) / step - 1e-9) + 1)[1:]:
-            motion.step([LIMB], shift=(target * unit - way[-1], 0.0))
-            states.append(read(line, motion))
-            before, state = state, contact.state()
-            slid = Slid.between(contact, before, state)
-            least = min(least, float(slid.work.min()) / scale)
-            work.append(float(contact.points.weight @ slid.work))
-            way.append(target * unit)
-    return Push(line, np.array(way), tuple(states), np.array(work), least)
-
-
 def give(line: Line, force: float, tangential: FloatArray) -> FloatArray:
-    """Return g(Q) in mm under the force P, both forces in N/mm."""
+    """Return g(Q) = mu (f(P) - f(P - Q/mu)) in mm, f(P) = -P ln(P)/(pi E'), forces in N/mm."""
 
     def f(p: FloatArray) -> FloatArray:
         p = np.maximum(p, 0.0)  # rounding where all of the contact slips
@@ -110,13 +38,13 @@ def give(line: Line, force: float, tangential: FloatArray) -> FloatArray:
 
 
 def loop_work(line: Line, force: float, largest: float) -> float:
-    """W of a loop between -`largest` and `largest` under `force`, all in N/mm."""
+    """W = 4 Q1 g(Q1) - 8 int_0^Q1 g dQ of a loop between -Q1 and Q1 = `largest`, N/mm."""
     at, weight = np.polynomial.legendre.leggauss(40)
     area = 0.5 * largest * float(weight @ give(line, force, 0.5 * largest * (1.0 + at)))
     return 4.0 * largest * float(give(line, force, np.array(largest))) - 8.0 * area
 
 
-def locked_shear(state: Pressed, largest: float, x: FloatArray, length: FloatArray) -> FloatArray:
+def locked_shear(state: Pressed, largest: float, x: Array, length: Array) -> FloatArray:
     """Return q on the skin after Q came from `largest` back to that of `state`, MPa.
 
     As means over edges of a `length` about x, both in mm.
@@ -146,26 +74,27 @@ class Loop:
     @property
     def largest(self) -> float:
         """Q1 where the loop begins, N/mm."""
-        return float(self.push.tangential[self.top])
+        return float(self.push.steps.tangential[self.top])
 
     @property
     def locked(self) -> int:
         """Step on the way from Q1 to -Q1 at which Q is closest to 0."""
-        way = self.push.tangential[self.top : self.low + 1]
+        way = self.push.steps.tangential[self.top : self.low + 1]
         return self.top + int(np.argmin(np.abs(way)))
 
     def checks(self, bar: float = 0.02) -> list[Check]:
         """Check work, closing, and the largest error of shear of all steps from Q1 to -Q1."""
         pushed, line, top, end = self.push, self.push.line, self.top, self.end
-        force = float(pushed.force[top : end + 1].mean())
-        work = float(pushed.work[top + 1 : end + 1].sum())
+        force = float(pushed.steps.force[top : end + 1].mean())
+        work = float(pushed.steps.work[top + 1 : end + 1].sum())
         scale = line.friction * line.peak_of(force)
         errors = []
         for state in pushed.states[top : self.low + 1]:
-            difference = state.shear - locked_shear(state, self.largest, state.x, state.weight)
-            errors.append(math.sqrt(state.weight @ difference**2 / state.weight.sum()) / scale)
+            edges = state.edges
+            difference = edges.shear - locked_shear(state, self.largest, edges.x, edges.length)
+            errors.append(math.sqrt(np.average(difference**2, weights=edges.length)) / scale)
         work_error = work / loop_work(line, force, self.largest) - 1.0
-        closing = float(pushed.tangential[end] / self.largest) - 1.0
+        closing = float(pushed.steps.tangential[end] / self.largest) - 1.0
         return [
             Check("loop without sliding: work of friction", work_error, bar, MINDLIN),
             Check("loop without sliding: it closes", closing, 1e-3, "Masing"),
@@ -186,27 +115,27 @@ def sliding(line: Line, step: float = 0.5) -> Push:
 
 def sliding_error(pushed: Push) -> float:
     """Largest error of |Q| against mu P in steps in which the disc slides."""
-    ratio = np.abs(pushed.tangential) / (pushed.line.friction * pushed.force)
+    ratio = pushed.steps.tangential.abs() / (pushed.line.friction * pushed.steps.force)
     return worst(ratio[ratio > 0.99] - 1.0)
 
 
 def _loop_lines(partial: Loop, slid: Push) -> list[Curve]:
     """Both loops in units of the way and force of first sliding, on curves of the theory."""
-    unit, limit = LINE.friction * LINE.approach(), LINE.friction * slid.force[0]
+    unit, limit = LINE.friction * LINE.approach(), LINE.friction * slid.steps.force[0]
     top = partial.largest
-    elastic = partial.push.way[partial.top] - give(LINE, slid.force[0], np.array(top))
+    elastic = partial.push.steps.way[partial.top] - give(LINE, slid.steps.force[0], np.array(top))
     lines: list[Curve] = []
     for pushed, largest, mark in ((partial.push, top, "o"), (slid, limit, "s")):
         back = np.linspace(0.0, 2.0 * largest, 101)  # by how much Q fell since the turn
-        way = pushed.way.max() - elastic / top * back
-        way = way - 2.0 * give(LINE, slid.force[0], 0.5 * back)
+        way = pushed.steps.way.max() - elastic / top * back
+        way = way - 2.0 * give(LINE, slid.steps.force[0], 0.5 * back)
         Q = largest - back
         if pushed is slid:
-            way, Q = np.append(way, -pushed.way.max()), np.append(Q, -largest)
+            way, Q = np.append(way, -pushed.steps.way.max()), np.append(Q, -largest)
         lines += [(sign * way / unit, sign * Q / limit, "k-", None) for sign in (1.0, -1.0)]
-        lines.append((pushed.way / unit, pushed.tangential / limit, mark, None))
+        lines.append((pushed.steps.way / unit, pushed.steps.tangential / limit, mark, None))
     first = np.linspace(0.0, limit, 101)
-    way = elastic / top * first + give(LINE, slid.force[0], first)
+    way = elastic / top * first + give(LINE, slid.steps.force[0], first)
     return [*lines, (way / unit, first / limit, "k-", None)]
 
 
@@ -218,7 +147,10 @@ def _locked_lines(partial: Loop) -> list[Curve]:
         scale = -state.line.friction * state.line.peak_of(state.force)
         x: FloatArray = a * np.linspace(-1.5, 1.5, 1201)
         exact = locked_shear(state, partial.largest, x, np.full_like(x, 1e-6 * a))
-        lines += [(x / a, exact / scale, "k-", None), (state.x / a, state.shear / scale, "o", name)]
+        lines += [
+            (x / a, exact / scale, "k-", None),
+            (state.edges.x / a, state.edges.shear / scale, "o", name),
+        ]
     return lines
 
 
@@ -227,26 +159,17 @@ def report() -> Section:
     partial, slid = partial_loop(PARTIAL_SLIP, steps=3), sliding(LINE)
     least = min(partial.push.least_work, slid.least_work)
     return Section(
-        title="Friction: a body pushed to and fro",
-        text=__doc__ or "",
-        checks=[
+        [
             *partial.checks(),
             Check("sliding: Q over mu P, less 1", sliding_error(slid), 2e-3, "Coulomb"),
             Check("work of friction, negative part", least, 1e-2, "second law"),
         ],
-        figures=[
-            curves(
-                "fretting_loop",
-                "Tangential force of two loops, and theory with C of the smaller.",
-                ("way of the core / (mu approach)", "Q / (mu P)"),
-                _loop_lines(partial, slid),
+        {
+            "fretting_loop": curves(
+                ("way of the core / (mu approach)", "Q / (mu P)"), _loop_lines(partial, slid)
             ),
-            curves(
-                "fretting_shear",
-                "Shear traction at the turn and back at Q = 0, and theory.",
-                ("x / a", "q / (mu p0)"),
-                _locked_lines(partial),
-                xlim=(-1.5, 1.5),
+            "fretting_shear": curves(
+                ("x / a", "q / (mu p0)"), _locked_lines(partial), xlim=(-1.5, 1.5)
             ),
-        ],
+        },
     )

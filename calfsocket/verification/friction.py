@@ -1,24 +1,12 @@
-r"""A socket ring turned on a limb ring: elastic torque, Coulomb's plateau, hysteresis.
-
-Layers r1 < r < r2 of shear modulus G under a torque M per length (linear, axisymmetric) turn by
-u_t / r = A + B / r^2, with the shear stress -2 G B / r^2 = M / (2 pi r^2), so that the turn of the
-fixed outer face against the fixed core is
-
-    phi = M C,   C = sum_layers (1/r1^2 - 1/r2^2) / (4 pi G).
-
-The overclosure presses with the p of the radial problem (`radial`), fixed at both ends; at this
-overclosure it is Lame's. The contact slips all around when M reaches Ms = mu p 2 pi r^2, and stays
-there. A cycle between -phi_max and phi_max encloses the area 4 Ms (phi_max - Ms C), all of it
-friction's work.
-"""
+"""A socket ring turned on a limb ring: elastic torque, Coulomb's plateau, hysteresis."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Hencky, Law
@@ -26,12 +14,10 @@ from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.verification.problems import held_socket
+from calfsocket.verification.problems import prescribed_supports
 from calfsocket.verification.radial import RadialSolution, Ring
-from calfsocket.verification.report import LOG, Check, Section, curves
+from calfsocket.verification.report import LOG, Check, Section, check_each, curves
 from calfsocket.verification.sampling import Slid, skin_mean, worst
-
-FloatArray = NDArray[np.float64]
 
 TORSION = "axisymmetric torsion, layer by layer: u_t = A r + B/r"
 LAME = "radial solution, Lame's at small strain"
@@ -68,7 +54,7 @@ class TurnedRing:
 
     @property
     def compliance(self) -> float:
-        """C in rad mm per N mm."""
+        """C in rad mm per N mm: turn over torque per length where nothing slips."""
         return sum(
             (1.0 / inner**2 - 1.0 / outer**2) / (4.0 * math.pi * law.initial_shear_modulus)
             for _, inner, outer, law in self.layers
@@ -80,13 +66,13 @@ class TurnedRing:
         *limb, (name, inner, outer, _) = self.layers
         rings = [Ring(layer, layer, start, end) for layer, start, end, _ in limb]
         rings.append(Ring(name, name, inner - self.overclosure, outer))
-        held = (1.0, 0.0, 0.0)  # u = 0 at the outer face
-        solution = RadialSolution(rings, self.laws, held, jump=self.overclosure)
+        fixed = (1.0, 0.0, 0.0)  # u = 0 at the outer face
+        solution = RadialSolution(rings, self.laws, fixed, jump=self.overclosure)
         return -solution.at_end(limb[-1][0])[1]
 
     @property
     def slip_torque(self) -> float:
-        """Ms, N mm per mm."""
+        """Ms = mu p 2 pi r^2, N mm per mm."""
         return self.friction * self.pressure * 2.0 * math.pi * self.radius**2
 
     @property
@@ -102,72 +88,66 @@ class TurnedRing:
 
     def pressed(self, comm: MPI.Comm) -> PrescribedMotion:
         """Make the rings and press them."""
-        motion = held_socket(self.mesh(comm), self.laws, Contact(friction=self.friction))
+        motion = prescribed_supports(self.mesh(comm), self.laws, Contact(friction=self.friction))
         motion.solve()
         return motion
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A turned ring, step by step; arrays have one value a step, the first before any turn."""
+    """A turned ring, step by step."""
 
     ring: TurnedRing  #: the problem
-    turn: FloatArray  #: (n,) turn of the socket's outer face, rad
-    torque: FloatArray  #: (n,) torque that holds it, N mm per mm, from the reaction
-    pressure: FloatArray  #: (n,) mean contact pressure, MPa
-    work: FloatArray  #: (n,) work of friction in the step, N mm per mm
-    #: (n,) smallest work of friction at a point in the step, relative to mu p r phi_s
-    least_work: FloatArray
-    slip: FloatArray  #: (n,) mean slip of the skin on the socket in the step, mm
+    #: a row a step, the first before any: turn of the socket's outer face (rad) and the torque that
+    #: turns it (N mm per mm, from the reaction); mean contact pressure (MPa) and mean slip in the
+    #: step (mm); work of friction in it (N mm per mm), and the smallest at a point, relative to
+    #: mu p r phi_s
+    steps: pd.DataFrame
 
     @property
     def slope_error(self) -> float:
         """Relative error of torque over turn in the first step, without slip."""
-        return float(self.torque[1] / self.turn[1] * self.ring.compliance) - 1.0
+        return float(self.steps.torque[1] / self.steps.turn[1] * self.ring.compliance) - 1.0
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> "pd.Series[bool]":
         """Steps in which all of the contact slips."""
-        return np.abs(self.slip) > 1e-3 * self.ring.radius * self.ring.slip_turn
+        return self.steps.slip.abs() > 1e-3 * self.ring.radius * self.ring.slip_turn
 
     def checks(self) -> list[Check]:
         """Check a whole cycle."""
-        ring, slipping = self.ring, self.slipping
+        ring, steps, slipping = self.ring, self.steps, self.slipping
+        largest = float(steps.turn.max())
         # The cycle is closed from where the largest turn was first reached.
-        cycle = np.arange(len(self.turn)) > int(np.argmax(self.turn > 0.999 * self.turn.max()))
-        area = 4.0 * ring.slip_torque * (float(self.turn.max()) - ring.slip_turn)
+        cycle = steps.index > int(np.argmax(steps.turn > 0.999 * largest))
+        area = 4.0 * ring.slip_torque * (largest - ring.slip_turn)
         # Steps that slip from their begin: a step before in the same direction slipped, too.
-        full = slipping & np.append(False, slipping[:-1])
-        full[1:] &= np.sign(self.torque[1:]) == np.sign(self.torque[:-1])
-        way = -ring.radius * np.diff(self.turn)[full[1:]]
-        plateau = np.abs(self.torque[slipping]) / ring.slip_torque - 1.0
-        pressure = float(self.pressure[0]) / ring.pressure - 1.0
-        work = float(self.work[cycle].sum())
+        same = np.sign(steps.torque) == np.sign(steps.torque.shift())
+        full = slipping & slipping.shift(fill_value=False) & same
+        pressures = {
+            "contact pressure": steps.pressure[0] / ring.pressure - 1.0,
+            "plateau of the torque": worst(steps.torque[slipping].abs() / ring.slip_torque - 1.0),
+        }
+        areas = {"area of the cycle": self._areas(), "work of friction": steps.work}
+        errors = {name: float(each[cycle].sum()) / area - 1.0 for name, each in areas.items()}
+        slip = steps.slip[full] / (-ring.radius * steps.turn.diff()[full])
         return [
             Check("elastic slope of the torque", self.slope_error, BAR, TORSION),
-            Check("contact pressure", pressure, BAR, LAME),
-            Check("plateau of the torque", worst(plateau), BAR, LAME),
-            Check("area of the cycle", self._area(cycle) / area - 1.0, BAR, AREA),
-            Check("work of friction", work / area - 1.0, BAR, AREA),
-            Check("work of friction, negative part", self.least_work.min(), 1e-4, "second law"),
-            Check(
-                "slip of a turn while slipping",
-                worst(self.slip[full] / way - 1.0),
-                BAR,
-                "r times the turn",
-            ),
+            *check_each(pressures, BAR, LAME),
+            *check_each(errors, BAR, AREA),
+            Check("work of friction, negative part", steps.least_work.min(), 1e-4, "second law"),
+            Check("slip of a turn while slipping", worst(slip - 1.0), BAR, "r times the turn"),
         ]
 
-    def _area(self, cycle: NDArray[np.bool_]) -> float:
-        """Area of a cycle by torque and turn.
+    def _areas(self) -> "pd.Series[float]":
+        """Area under torque over turn, step by step.
 
         The torque between two states is not linear where slip begins; the area is that of the
         polygon with the corner at which an elastic line meets the next torque.
         """
-        before, after = self.torque[:-1], self.torque[1:]
-        elastic = (after - before) * self.ring.compliance
-        parts = 0.5 * (before + after) * elastic + after * (np.diff(self.turn) - elastic)
-        return float(parts[cycle[1:]].sum())
+        after, change = self.steps.torque, self.steps.torque.diff()
+        elastic = change * self.ring.compliance
+        return (after - 0.5 * change) * elastic + after * (self.steps.turn.diff() - elastic)
 
 
 #: Turns of a cycle from rest to both sides and back, in units of the turn of first slip.
@@ -179,8 +159,9 @@ def turn(ring: TurnedRing, turns: Sequence[float] = CYCLE) -> Loop:
     motion = ring.pressed(MPI.COMM_SELF)
     contact = motion.problem.contact
     state = contact.state()
-    rows = [(0.0, 0.0, skin_mean(contact, state.traction.pressure), 0.0, 0.0, 0.0)]
     unit = ring.friction * ring.pressure * ring.radius * ring.slip_turn
+    columns = ["turn", "torque", "pressure", "work", "least_work", "slip"]
+    rows = [(0.0, 0.0, skin_mean(contact, state.traction.pressure), 0.0, 0.0, 0.0)]
     for way in np.diff([0.0, *turns]) * ring.slip_turn:
         motion.step([tags.SOCKET], angle=way)
         before, state = state, contact.state()
@@ -189,7 +170,7 @@ def turn(ring: TurnedRing, turns: Sequence[float] = CYCLE) -> Loop:
         pressure, slip = (skin_mean(contact, v) for v in (state.traction.pressure, slid.slip))
         work = float(contact.points.weight @ slid.work)
         rows.append((rows[-1][0] + way, torque, pressure, work, slid.work.min() / unit, slip))
-    return Loop(ring, *np.array(rows).T)
+    return Loop(ring, pd.DataFrame(rows, columns=columns))
 
 
 def rigid_turn(ring: TurnedRing, angle: float) -> list[Check]:
@@ -204,44 +185,38 @@ def rigid_turn(ring: TurnedRing, angle: float) -> list[Check]:
     after = problem.contact.state()
     mean = before.traction.pressure.mean()
     change = max(
-        worst(getattr(after.traction, name) - getattr(before.traction, name))
+        worst(getattr(after.traction, name) - getattr(before.traction, name)) / mean
         for name in ("pressure", "shear")
     )
     slip = worst(after.slip - before.slip) / ring.radius
     force = worst(residual.array) / (mean * 2.0 * math.pi * ring.radius)
+    changes = {"traction changed by a rigid turn": change, "residual of a rigid turn": force}
     return [
         Check("slip of a rigid turn of both bodies", slip, 1e-12, "objectivity"),
-        Check("traction changed by a rigid turn", change / mean, 1e-6, "objectivity"),
-        Check("residual of a rigid turn", force, 1e-6, "objectivity"),
+        *check_each(changes, 1e-6, "objectivity"),
     ]
 
 
 def report() -> Section:
     """Measure the turned ring: elastic slope, plateau, hysteresis, objective slip."""
-    sizes = (4.0, 2.8, 2.0, 1.4)
+    sizes = np.array([4.0, 2.8, 2.0, 1.4])
     slopes = np.abs([turn(TurnedRing(h=h), CYCLE[:1]).slope_error for h in sizes])
     loop = turn(TurnedRing())
-    ring = loop.ring
+    ring, steps = loop.ring, loop.steps
     exact = np.array([(0, 0), (1, 1), (2.5, 1), (0.5, -1), (-2.5, -1), (-0.5, 1), (2.5, 1)])
-    computed = loop.turn / ring.slip_turn, loop.torque / ring.slip_torque
-    square = slopes[0] * (np.array(sizes) / sizes[0]) ** 2
+    computed = steps.turn / ring.slip_turn, steps.torque / ring.slip_torque
+    square = slopes[0] * (sizes / sizes[0]) ** 2
     return Section(
-        title="Friction: a socket turned on a limb",
-        text=__doc__ or "",
-        checks=[*loop.checks(), *rigid_turn(TurnedRing(), 0.7)],
-        figures=[
-            curves(
-                "friction_loop",
-                "Torque of a socket turned to and fro.",
+        [*loop.checks(), *rigid_turn(TurnedRing(), 0.7)],
+        {
+            "friction_loop": curves(
                 ("turn / turn of first slip", "torque / (mu p 2 pi r^2)"),
                 [(*exact.T, "k-", "exact"), (*computed, "o", "computed")],
             ),
-            curves(
-                "friction_slope",
-                "Error of the elastic slope.",
+            "friction_slope": curves(
                 ("element side, mm", "relative error"),
                 [(sizes, slopes, "o-", "elastic slope"), (sizes, square, "k--", "h^2")],
                 **LOG,
             ),
-        ],
+        },
     )

@@ -1,33 +1,16 @@
-r"""Hertz and Cattaneo-Mindlin: an elastic disc on a flat, and in a bore.
+"""Hertz and Cattaneo-Mindlin: an elastic disc on a flat, and in a bore.
 
-Two long cylinders that touch along a line, of radii R1 and R2 (negative in a bore, infinite for a
-flat) and moduli E1, nu1 and E2, nu2, pressed by the force P per length, share the half-width a and
-the pressure
-
-    p(x) = p0 sqrt(1 - x^2/a^2),   a^2 = 4 P R / (pi E'),   p0 = 2 P / (pi a),
-    1/R = 1/R1 + 1/R2,             1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2,
-
-as long as a is small against the bodies and the strain p0/E' = a/(2R) against 1. With friction and
-equal materials, a tangential force Q < mu P leaves a zone |x| < c without slip:
-
-    q(x) = mu p0 (sqrt(1 - x^2/a^2) - (c/a) sqrt(1 - x^2/c^2)),   c/a = sqrt(1 - Q/(mu P)),
-
-the second root only inside c. Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731,
-sections 4.2 and 7.2.
-
-The disc is pressed by a prescribed motion of its core. Normal and tangential force are reactions of
-the core; half-width and peak come from the contact pressure; the theory is evaluated for the
-measured force. Pressures are means over skin edges: within an edge they scatter (see
-`contact_patch`).
+Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731, sections 4.2 and 7.2.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STICK
 from calfsocket.contact.parameters import Contact
@@ -35,18 +18,15 @@ from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.disc import DiscInCavity
-from calfsocket.meshes.tags import LIMB
-from calfsocket.verification.problems import held_socket
-from calfsocket.verification.report import LOG, Check, Curve, Section, curves
-from calfsocket.verification.sampling import deviation, edge_means
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.problems import prescribed_supports
+from calfsocket.verification.report import LOG, Curve, Section, check_each, curves
+from calfsocket.verification.sampling import Array, FloatArray, Slid, deviation, edge_means
 
 JOHNSON = "Johnson 1985, section 4.2"
 CATTANEO = "Cattaneo 1938, Mindlin 1949; Johnson 1985, section 7.2"
 DIVISIONS = (3.0, 6.0, 12.0)
 SHARE, STEPS = 0.6, 6
-
+"""Q/(mu P) that is aimed at, and the steps of the push."""
 
 MATERIAL = Hencky(e=1.0, nu=0.3)
 
@@ -74,20 +54,20 @@ class Line:
 
     @property
     def relative_radius(self) -> float:
-        """R, mm."""
+        """R = 1/(1/R1 + 1/R2), mm."""
         return 1.0 / (1.0 / self.radius - 1.0 / self.bore)
 
     @property
     def modulus(self) -> float:
-        """E', MPa."""
+        """E' = 1/((1 - nu1^2)/E1 + (1 - nu2^2)/E2), MPa."""
         return 1.0 / sum((1.0 - law.nu**2) / law.e for law in (self.limb, self.socket))
 
     def half_width_of(self, force: float) -> float:
-        """Half-width a in mm of the force in N/mm."""
+        """Half-width a = sqrt(4 P R/(pi E')) in mm of the force in N/mm."""
         return math.sqrt(4.0 * force * self.relative_radius / (math.pi * self.modulus))
 
     def peak_of(self, force: float) -> float:
-        """Peak p0 in MPa of the force in N/mm."""
+        """Peak p0 = 2 P/(pi a) in MPa of the force in N/mm."""
         return 2.0 * force / (math.pi * self.half_width_of(force))
 
     def approach(self) -> float:
@@ -98,14 +78,11 @@ class Line:
         """
         force = math.pi * self.modulus * self.half_width**2 / (4.0 * self.relative_radius)
         depths = (self.radius - self.core, self.thickness)
-        return sum(
-            force
-            / math.pi
-            * (1.0 - law.nu**2)
-            / law.e
-            * (2.0 * math.log(2.0 * depth / self.half_width) - law.nu / (1.0 - law.nu))
-            for law, depth in zip((self.limb, self.socket), depths, strict=True)
-        )
+        depression = 0.0
+        for law, depth in zip((self.limb, self.socket), depths, strict=True):
+            layer = 2.0 * math.log(2.0 * depth / self.half_width) - law.nu / (1.0 - law.nu)
+            depression += force / math.pi * (1.0 - law.nu**2) / law.e * layer
+        return depression
 
     def pressed(self, comm: MPI.Comm) -> PrescribedMotion:
         """Make the bodies, touching in one point, and press them in one step."""
@@ -118,12 +95,12 @@ class Line:
             reach=1.5 * self.half_width,
         )
         stiffness = self.limb.e / self.h
-        motion = held_socket(
+        motion = prescribed_supports(
             disc.mesh(comm),
-            {LIMB: self.limb, tags.SOCKET: self.socket},
+            {tags.LIMB: self.limb, tags.SOCKET: self.socket},
             Contact(friction=self.friction, gamma=stiffness, gamma_t=0.5 * stiffness),
         )
-        motion.step([LIMB], shift=(0.0, -self.approach()))
+        motion.step([tags.LIMB], shift=(0.0, -self.approach()))
         return motion
 
 
@@ -139,23 +116,24 @@ class Pressed:
     #: force and tangential force from the reaction of the core, N/mm
     force: float
     tangential: float
-    imbalance: float  #: |integral of the contact pressure / force - 1|
-    half_width: float  #: from the second moment of the pressure, which is a^2/4 for Hertz's, mm
-    peak: float  #: largest pressure, mean over a skin edge, MPa
-    #: (m,) middle of each skin edge near the floor from the centre of pressure in mm, mean traction
-    #: on it in MPa and its length in mm
-    x: FloatArray
-    pressure: FloatArray
-    shear: FloatArray
-    weight: FloatArray
+    total: float  #: integral of the contact pressure, N/mm
     #: second moments of pressure and of |shear| about the centre of pressure, N mm
-    moments: tuple[float, float]
+    moments: tuple[float, ...]
+    peak: float  #: largest pressure, mean over a skin edge, MPa
+    #: skin edges near the floor: middle x from the centre of pressure (mm), mean pressure and shear
+    #: (MPa), length (mm)
+    edges: pd.DataFrame
     #: half the length of the points that stick, mm; it counts points, so that it jumps
     stick_half_width: float
 
     @property
+    def half_width(self) -> float:
+        """From the second moment of the pressure, which is a^2/4 for Hertz's, mm."""
+        return 2.0 * math.sqrt(self.moments[0] / self.total)
+
+    @property
     def stick_ratio(self) -> float:
-        """Exact c/a for the measured forces."""
+        """Exact c/a = sqrt(1 - Q/(mu P)) for the measured forces."""
         return math.sqrt(1.0 - abs(self.tangential) / (self.line.friction * self.force))
 
     @property
@@ -168,12 +146,13 @@ class Pressed:
         line, force = self.line, self.force
         theory = math.pi * line.modulus * self.half_width**2 / (4.0 * line.relative_radius)
         a, p0 = self.exact_half_width, line.peak_of(force)
-        exact = p0 * root_mean(self.x / a, self.weight / a)
+        edges = self.edges
+        exact = p0 * root_mean(edges.x / a, edges.length / a)
         return {
             "force of the measured half-width": theory / force - 1.0,
             "half-width": self.half_width / a - 1.0,
             "peak pressure": self.peak / p0 - 1.0,
-            "pressure profile": deviation(self.pressure, exact, self.weight),
+            "pressure profile": deviation(edges.pressure, exact, edges.length),
         }
 
     def slip_errors(self) -> dict[str, float]:
@@ -184,13 +163,14 @@ class Pressed:
         """
         normal, tangential = self.moments
         share = tangential / (self.line.friction * normal)
-        exact = self.exact_shear(self.x, self.weight)
+        edges = self.edges
+        exact = self.exact_shear(edges.x, edges.length)
         return {
             "stick half-width": (1.0 - share) ** 0.25 / self.stick_ratio - 1.0,
-            "shear profile": deviation(self.shear, exact, self.weight),
+            "shear profile": deviation(edges.shear, exact, edges.length),
         }
 
-    def exact_shear(self, x: FloatArray, length: FloatArray) -> FloatArray:
+    def exact_shear(self, x: Array, length: Array) -> FloatArray:
         """Cattaneo's traction on the skin for the measured forces, mean over edges about x, MPa."""
         a, ratio = self.exact_half_width, self.stick_ratio
         c = ratio * a
@@ -204,23 +184,42 @@ def press(line: Line) -> Pressed:
     return read(line, line.pressed(MPI.COMM_SELF))
 
 
-def press_and_pull(line: Line, share: float, steps: int) -> Pressed:
-    """Press the disc, then move its core sideways.
+@dataclass(frozen=True)
+class Push:
+    """A pressed disc that is pushed sideways, to and fro."""
 
-    Parameters
-    ----------
-    line : Line
-        With friction, and equal materials.
-    share : float
-        Q/(mu P) aimed at: a half-plane gives way alike to normal and to tangential forces.
-    steps : int
-        Steps of the tangential motion.
+    line: Line  #: the problem
+    #: a row a step, the first before any: where the core is (mm), normal and tangential force
+    #: (N/mm), and work of friction in the step, the integral of -q ds (N mm per mm)
+    steps: pd.DataFrame
+    states: list[Pressed]  #: contact and reactions, step by step
+    #: smallest work of friction at a point in a step, over mu p0 times the largest step's way
+    least_work: float
+
+
+def push(line: Line, turns: Sequence[float], step: float) -> Push:
+    """Press a disc with friction on its own material, then push its core to and fro.
+
+    It changes its direction at `turns`; they and the largest `step` are in units of mu times the
+    approach, at which about the whole contact begins to slip: a half-plane gives way alike to
+    normal and to tangential forces.
     """
     motion = line.pressed(MPI.COMM_SELF)
-    way = share * line.friction * line.approach()
-    for _ in range(steps):
-        motion.step([LIMB], shift=(way / steps, 0.0))
-    return read(line, motion)
+    contact, unit = motion.problem.contact, line.friction * line.approach()
+    states, state = [read(line, motion)], contact.state()
+    way, work, least = [0.0], [0.0], 0.0
+    for start, end in pairwise([0.0, *turns]):
+        for target in np.linspace(start, end, math.ceil(abs(end - start) / step - 1e-9) + 1)[1:]:
+            motion.step([tags.LIMB], shift=(target * unit - way[-1], 0.0))
+            states.append(read(line, motion))
+            before, state = state, contact.state()
+            slid = Slid.between(contact, before, state)
+            least = min(least, float(slid.work.min()))
+            work.append(float(contact.points.weight @ slid.work))
+            way.append(target * unit)
+    forces = [(each.force, each.tangential) for each in states]
+    steps = pd.DataFrame(forces, columns=["force", "tangential"]).assign(way=way, work=work)
+    return Push(line, steps, states, least / (line.friction * states[0].peak * step * unit))
 
 
 def read(line: Line, motion: PrescribedMotion) -> Pressed:
@@ -230,38 +229,32 @@ def read(line: Line, motion: PrescribedMotion) -> Pressed:
     problem.set_unknowns(motion.x)
     law = contact.state().traction
     reaction, _ = problem.reaction(tags.TIBIA_MEDULLARY)
-    force = -float(reaction[1])
     position, weight = contact.deformed_points(), contact.points.weight
     total = weight @ law.pressure
     x = position[:, 0] - weight @ (law.pressure * position[:, 0]) / total
-    edges = len(contact.skin.nodes)
-    middle, pressure, shear = (edge_means(contact, v) for v in (x, law.pressure, law.shear))
-    near = (position[:, 1] < -0.5 * line.radius).reshape(edges, -1).all(axis=1)
-    near &= np.abs(middle) < 2.0 * line.half_width
-    order = np.flatnonzero(near)[np.argsort(middle[near])]
+    values = {"x": x, "pressure": law.pressure, "shear": law.shear}
+    edges = pd.DataFrame({name: edge_means(contact, each) for name, each in values.items()})
+    by_edge = len(edges), -1
+    edges["length"] = weight.reshape(by_edge).sum(axis=1)
+    near = (position[:, 1] < -0.5 * line.radius).reshape(by_edge).all(axis=1)
+    near &= edges.x.abs() < 2.0 * line.half_width
+    moments = (float(weight @ (each * x**2)) for each in (law.pressure, np.abs(law.shear)))
     return Pressed(
         line=line,
-        force=force,
+        force=-float(reaction[1]),
         tangential=float(reaction[0]),
-        imbalance=float(abs(total / force - 1.0)),
-        half_width=2.0 * math.sqrt(weight @ (law.pressure * x**2) / total),
-        peak=float(pressure.max()),
-        x=middle[order],
-        pressure=pressure[order],
-        shear=shear[order],
-        weight=weight.reshape(edges, -1).sum(axis=1)[order],
-        moments=(
-            float(weight @ (law.pressure * x**2)),
-            float(weight @ (np.abs(law.shear) * x**2)),
-        ),
+        total=float(total),
+        moments=tuple(moments),
+        peak=float(edges.pressure.max()),
+        edges=edges[near].sort_values("x"),
         stick_half_width=0.5 * float(weight[law.status == STICK].sum()),
     )
 
 
-def root_mean(x: NDArray[Any], length: NDArray[Any]) -> FloatArray:
+def root_mean(x: Array, length: Array) -> FloatArray:
     """Mean of sqrt(1 - t^2), zero beyond 1, over the intervals of a length about x."""
 
-    def integral(t: NDArray[Any]) -> NDArray[Any]:
+    def integral(t: Array) -> Array:
         t = np.clip(t, -1.0, 1.0)
         return 0.5 * (t * np.sqrt(1.0 - t**2) + np.arcsin(t))
 
@@ -272,21 +265,21 @@ def root_mean(x: NDArray[Any], length: NDArray[Any]) -> FloatArray:
 def _pressure_lines(flat: Pressed, bore: Pressed) -> list[Curve]:
     x = np.linspace(-1.5, 1.5, 601)
     lines: list[Curve] = [
-        (r.x / r.exact_half_width, r.pressure / r.line.peak_of(r.force), mark, name)
+        (r.edges.x / r.exact_half_width, r.edges.pressure / r.line.peak_of(r.force), mark, name)
         for r, mark, name in ((flat, "o", "flat"), (bore, "x", "bore"))
     ]
     return [*lines, (x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "k-", "Hertz")]
 
 
 def _shear_lines(partial: Pressed) -> list[Curve]:
-    a, mu = partial.exact_half_width, partial.line.friction
+    a, mu, edges = partial.exact_half_width, partial.line.friction, partial.edges
     scale = mu * partial.line.peak_of(partial.force)
     x = np.linspace(-1.5, 1.5, 1201)
     exact = partial.exact_shear(x * a, np.full_like(x, 1e-6 * a))
     return [
-        (partial.x / a, partial.pressure * mu / scale, ".C7", None),
+        (edges.x / a, edges.pressure * mu / scale, ".C7", None),
         (x, np.sqrt(np.maximum(1.0 - x**2, 0.0)), "-C7", "mu p"),
-        (partial.x / a, np.abs(partial.shear) / scale, "o", "computed"),
+        (edges.x / a, edges.shear.abs() / scale, "o", "computed"),
         (x, np.abs(exact) / scale, "k-", "Cattaneo, Mindlin"),
     ]
 
@@ -297,48 +290,29 @@ def report() -> Section:
         name: [press(replace(line, divisions=n)) for n in DIVISIONS]
         for name, line in (("on a flat", Line()), ("in a bore", BORE))
     }
-    partial = press_and_pull(PARTIAL_SLIP, SHARE, STEPS)
-    errors = {name: [p.hertz_errors() for p in pressed] for name, pressed in presses.items()}
-    checks = [
-        Check(f"disc {name}: {what}", error, 0.01, JOHNSON)
+    partial = push(PARTIAL_SLIP, [SHARE], SHARE / STEPS).states[-1]
+    errors = {
+        name: pd.DataFrame([p.hertz_errors() for p in pressed], index=DIVISIONS)
+        for name, pressed in presses.items()
+    }
+    hertz = {
+        f"disc {name}: {what}": error
         for name, by_size in errors.items()
-        for what, error in by_size[-1].items()
-    ]
-    checks += [
-        Check(f"partial slip: {what}", error, 0.02, CATTANEO)
-        for what, error in partial.slip_errors().items()
-    ]
+        for what, error in by_size.iloc[-1].items()
+    }
+    slip = {f"partial slip: {what}": error for what, error in partial.slip_errors().items()}
     convergence: list[Curve] = [
-        (DIVISIONS, [abs(e[what]) for e in by_size], f"o{style}C{k}", f"{what}, {name}")
+        (DIVISIONS, by_size[what].abs(), f"o{style}C{k}", f"{what}, {name}")
         for (name, by_size), style in zip(errors.items(), ("-", "--"), strict=True)
         for k, what in enumerate(("half-width", "peak pressure", "pressure profile"))
     ]
     flat, bore = (pressed[-1] for pressed in presses.values())
+    sides, inside = ("element sides in a half-width", "relative error"), {"xlim": (-1.5, 1.5)}
     return Section(
-        title="Hertz and partial slip",
-        text=__doc__ or "",
-        checks=checks,
-        figures=[
-            curves(
-                "hertz_pressure",
-                "Contact pressure and Hertz's.",
-                ("x / a", "p / p0"),
-                _pressure_lines(flat, bore),
-                xlim=(-1.5, 1.5),
-            ),
-            curves(
-                "hertz_convergence",
-                "Errors against Hertz with the element size.",
-                ("element sides in a half-width", "relative error"),
-                convergence,
-                **LOG,
-            ),
-            curves(
-                "partial_slip",
-                "Shear traction under a tangential force below slip.",
-                ("x / a", "q / (mu p0)"),
-                _shear_lines(partial),
-                xlim=(-1.5, 1.5),
-            ),
-        ],
+        [*check_each(hertz, 0.01, JOHNSON), *check_each(slip, 0.02, CATTANEO)],
+        {
+            "hertz_pressure": curves(("x / a", "p / p0"), _pressure_lines(flat, bore), **inside),
+            "hertz_convergence": curves(sides, convergence, **LOG),
+            "partial_slip": curves(("x / a", "q / (mu p0)"), _shear_lines(partial), **inside),
+        },
     )

@@ -1,19 +1,7 @@
-r"""Every number of summary.csv at several mesh sizes, with its change and its uncertainty.
-
-Changes are changes of magnitude, in % of the coarser mesh, since the larger of the two directions
-may differ between meshes. A number is called
-
-- converged when its last change is below 5 %,
-- converging when it is below 10 % and no larger than the change before,
-- not converged otherwise.
-
-The uncertainty of the finest mesh is Roache's grid convergence index, 1.25 e/(r - 1), with the
-change e, the ratio r of element sizes (the root of the ratio of element counts) and order 1: a
-maximum is a value of whole elements, so where the field is sharp the error of the maximum is of
-first order even if the field's is not. Roache 1994, doi:10.1115/1.2910291.
-"""
+"""Every number of summary.csv at several mesh sizes, with its change and its uncertainty."""
 
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +9,7 @@ import pandas as pd
 
 from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import effective_stress
-from calfsocket.verification.report import LOG, Curve, Figure, curves
+from calfsocket.verification.report import LOG, Curve, Draw, curves
 
 KEY = ["socket", "material_set", "tissue", "quantity"]
 CONVERGED, CONVERGING = 5.0, 10.0
@@ -38,28 +26,19 @@ QUANTILES = (50.0, 90.0, 99.0)
 
 
 def long_table(summaries: Mapping[str, pd.DataFrame], cells: Mapping[str, float]) -> pd.DataFrame:
-    """Join the summaries of mesh sizes, coarsest first, and judge each number.
+    """Join the summaries of mesh sizes, coarsest first, with so many cells; judge each number.
 
-    Parameters
-    ----------
-    summaries : mapping of size to DataFrame
-        Rows of summary.csv.
-    cells : mapping of size to number of elements
-
-    Returns
-    -------
-    DataFrame
-        One row a number: its key and unit; value, site and region by size; change in % and distance
-        of the sites in mm by size after the first; uncertainty in %, verdict and reason.
+    One row a number: its key and unit; value, site and region by size; change in % and distance of
+    the sites in mm by size after the first; uncertainty in % (1.25 e/(r - 1) with the change e and
+    the ratio r of element sizes: Roache 1994, doi:10.1115/1.2910291), verdict and reason.
     """
     sizes = list(summaries)
-    table: pd.DataFrame | None = None
-    for size, summary in summaries.items():
-        part = summary.rename(
-            columns={name: f"{name}_{size}" for name in ("value", "x_mm", "y_mm", "region")}
-        )
-        table = part if table is None else table.merge(part.drop(columns="unit"), on=KEY)
-    assert table is not None
+    by_size = ("value", "x_mm", "y_mm", "region")
+    parts = [
+        summary.rename(columns={name: f"{name}_{size}" for name in by_size})
+        for size, summary in summaries.items()
+    ]
+    table = reduce(lambda left, right: left.merge(right.drop(columns="unit"), on=KEY), parts)
     for coarse, fine in pairwise(sizes):
         before, after = (table[f"value_{size}"].abs() for size in (coarse, fine))
         table[f"change_{fine}_pct"] = 100.0 * (after / before - 1.0)
@@ -78,16 +57,14 @@ def long_table(summaries: Mapping[str, pd.DataFrame], cells: Mapping[str, float]
         ["converged", "converging"],
         "not converged",
     )
-    table["reason"] = [
-        _reason(row, sizes) if row["verdict"] == "not converged" else ""
-        for _, row in table.iterrows()
-    ]
+    table["reason"] = table.apply(_reason, axis=1, fine=sizes[-1], coarse=sizes[-2])
     return table.reset_index(drop=True)
 
 
-def _reason(row: pd.Series, sizes: Sequence[str]) -> str:
-    """Return why a number does not converge, as far as the numbers show it."""
-    fine, coarse = sizes[-1], sizes[-2]
+def _reason(row: pd.Series, fine: str, coarse: str) -> str:
+    """Return why a number does not converge, as far as the numbers show it; empty if it does."""
+    if row["verdict"] != "not converged":
+        return ""
     reasons = []
     if row["tissue"] == "fascia" and row["material_set"] == "separate":
         reasons.append("bending across the fascia")
@@ -117,14 +94,9 @@ def digest(table: pd.DataFrame, sizes: Sequence[str]) -> pd.DataFrame:
 def unconverged(
     table: pd.DataFrame, sizes: Sequence[str], fields: Mapping[str, SectionFields]
 ) -> pd.DataFrame:
-    """Numbers that do not converge: values, site on the finest mesh and what is near, reason.
+    """Numbers of a `long_table` that do not converge: values, site and what is near, reason.
 
-    Parameters
-    ----------
-    table, sizes
-        As of `long_table`.
-    fields : mapping of case to SectionFields
-        Of the finest mesh, by the case's name.
+    The site is that on the finest mesh, whose fields are given by the case's name.
     """
     rows = []
     for _, number in table[table["verdict"] == "not converged"].iterrows():
@@ -154,13 +126,13 @@ def nearest_material(
         fields.region_names[tag]: merged.get(tissue, tissue)
         for tag, tissue in fields.region_tissues.items()
     }
-    distances = {}
+    distances = []
     for tag, name in fields.region_names.items():
         if materials[name] != materials[region]:
             nodes = fields.points[np.unique(fields.cells[fields.region == tag])]
-            distances[name] = float(np.hypot(*(nodes - (x, y)).T).min())
-    nearest = min(distances, key=lambda name: distances[name])
-    return nearest, distances[nearest]
+            distances.append((float(np.hypot(*(nodes - (x, y)).T).min()), name))
+    distance, nearest = min(distances)
+    return nearest, distance
 
 
 def stress_quantiles(fields: SectionFields, tissue: str) -> dict[str, float]:
@@ -170,8 +142,7 @@ def stress_quantiles(fields: SectionFields, tissue: str) -> dict[str, float]:
     """
     inside = fields.tissue == TISSUES.index(tissue)
     corner = fields.points[fields.cells[inside][:, :3]]
-    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    weight = np.repeat(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), 3)
+    weight = np.repeat(np.abs(np.linalg.det(corner[:, 1:] - corner[:, :1])), 3)
     stress = effective_stress(fields.stress[inside]).ravel()
     order = np.argsort(stress)
     share = 100.0 * np.cumsum(weight[order]) / weight.sum()
@@ -180,7 +151,7 @@ def stress_quantiles(fields: SectionFields, tissue: str) -> dict[str, float]:
     }
 
 
-def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]) -> Figure:
+def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]) -> Draw:
     """Plot the distance of contact pressure and effective stresses from the finest mesh."""
     shown = {
         ("skin", "contact_pressure_mean"): "contact pressure, mean",
@@ -199,11 +170,5 @@ def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]
             off = [100.0 * (values[f"value_{s}"] / reference - 1.0).abs().mean() for s in others]
             text = label if name == "separate" else None
             lines.append((relative, np.maximum(off, 1e-4), f"{style}C{k}", text))
-    return curves(
-        "limb_convergence",
-        "Effective stresses and pressures by mesh size, mean over the sockets; lines: Separate, "
-        "dashed: Combined.",
-        (f"element size, {finest} = 1", f"mean distance from {finest}, %"),
-        lines,
-        **LOG,
-    )
+    labels = f"element size, {finest} = 1", f"mean distance from {finest}, %"
+    return curves(labels, lines, **LOG)

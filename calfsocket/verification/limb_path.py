@@ -9,44 +9,38 @@ import pandas as pd
 from calfsocket.materials.material_set import BaseSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper
-from calfsocket.verification.energy import EnergyBalance, EnergyMeter
-from calfsocket.verification.limb_runs import End, one_case
+from calfsocket.simulation.result import Result
+from calfsocket.verification.energy import EnergyMeter, energy_error, share, trapezoid_error
+from calfsocket.verification.limb_runs import largest_distance, mean_pressure, one_case, value
 from calfsocket.verification.newton import (
-    LAST_ITERATIONS,
     TOLERANCE,
-    Iterations,
-    Probe,
     Solve,
+    largest_factor,
+    last_contraction,
+    last_iterations,
     probe_at,
     recording,
 )
-from calfsocket.verification.report import LOG, Curve, Figure, curves
+from calfsocket.verification.report import LOG, Curve, Draw, curves, order
 
 
 @dataclass(frozen=True)
 class LimbPath:
     """A case followed from load 0 to 1."""
 
-    #: what was solved
-    socket: str
-    material_set: str
     largest: float  #: largest load step allowed
     as_the_study: bool  #: whether steps were extrapolated where the study does so, and only there
+    extrapolated: bool  #: whether each step began from the secant through the last two states
     steps: tuple[LoadStep, ...]  #: failed ones too
     solves: list[Solve]  #: Newton's iterates of each step
-    energy: EnergyBalance  #: work of the shrink fit and where it went
-    probe: Probe  #: Newton's method at the end, along the last step
-    end: End  #: the equilibrium at full load
+    energy: pd.DataFrame  #: work of the shrink fit and where it went, by load step
+    newton_order: float  #: of Newton's method at the end, along the last step
+    end: Result  #: the equilibrium at full load
 
     @property
     def name(self) -> str:
         """Name of the case."""
-        return f"{self.socket}_{self.material_set}"
-
-    @property
-    def extrapolated(self) -> bool:
-        """Whether each step began from the secant through the last two states."""
-        return self.as_the_study == (self.material_set == "combined")
+        return self.end.record.name
 
 
 def follow(
@@ -62,12 +56,10 @@ def follow(
     with recording() as solves:
         case, section, laws = one_case(socket, material_set, size)
         problem = limb_problem(section, laws, case.contact, case.support)
+        extrapolated = as_the_study == bool(case.steps.extrapolate)
+        first = min(largest, case.steps.first)
         steps = case.steps.model_copy(
-            update={
-                "first": min(largest, case.steps.first),
-                "largest": largest,
-                "extrapolate": as_the_study == bool(case.steps.extrapolate),
-            }
+            update={"first": first, "largest": largest, "extrapolate": extrapolated}
         )
         meter = EnergyMeter(problem)
         states: list[np.ndarray] = []
@@ -79,24 +71,25 @@ def follow(
 
         stepper = LoadStepper(problem, steps, on_step=record)
         stepper.run()
+    probe = probe_at(problem, stepper.newton.x, states[-1] - states[-2])
     return LimbPath(
-        socket=socket,
-        material_set=material_set,
-        largest=largest,
-        as_the_study=as_the_study,
+        largest,
+        as_the_study,
+        extrapolated,
         steps=tuple(stepper.steps),
         solves=solves,
-        energy=meter.balance(),
-        probe=probe_at(problem, stepper.newton.x, states[-1] - states[-2]),
-        end=End.of(stepper, case.limb),
+        energy=meter.balance,
+        newton_order=order(probe.before, probe.after),
+        end=case.result(stepper),
     )
 
 
-def largest_change(path: End, other: End) -> tuple[float, str]:
+def largest_change(end: Result, other: Result) -> tuple[float, str]:
     """Largest relative change of a number of the summary from one end to another, and its name."""
-    before, after = (end.summary["value"].abs().to_numpy() for end in (path, other))
-    change = np.abs(after - before) / before
-    row = path.summary.iloc[int(np.argmax(change))]
+    rows = end.summary()
+    before, after = rows["value"].abs(), other.summary()["value"].abs()
+    change = (after - before).abs() / before
+    row = rows.loc[change.idxmax()]
     return float(change.max()), f"{row.tissue} {row.quantity}"
 
 
@@ -104,21 +97,21 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
     """Sum paths up, each beside the reference of its case."""
     rows = []
     for path in paths:
-        reference = references[path.name].end
-        change, where = largest_change(reference, path.end)
+        end, reference = path.end, references[path.name].end
+        change, where = largest_change(reference, end)
         rows.append(
             {
                 "case": path.name,
                 "largest step": path.largest,
                 "extrapolated": "yes" if path.extrapolated else "no",
-                "steps": path.end.checks.steps,
-                "Newton": path.end.checks.newton_iterations,
-                "mean pressure, kPa": path.end.mean_pressure,
-                "largest pressure, kPa": path.end.value("skin", "contact_pressure_max"),
-                "points moved by, mm": path.end.moved_from(reference),
+                "steps": end.checks.steps,
+                "Newton": end.checks.newton_iterations,
+                "mean pressure, kPa": mean_pressure(end),
+                "largest pressure, kPa": value(end, "skin", "contact_pressure_max"),
+                "points moved by, mm": largest_distance(end, reference),
                 "largest change, %": 100.0 * change,
                 "of": where,
-                "negative modes": path.end.checks.negative_modes,
+                "negative modes": end.checks.negative_modes,
             }
         )
     return pd.DataFrame(rows)
@@ -126,68 +119,56 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
 
 def energy_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
     """Show where the work of the shrink fit went, as shares of it."""
-    rows = []
-    for path in paths:
-        energy, work = path.energy, float(path.energy.work[-1])
-        shares = {
-            f"{name}, %": 100.0 * float(getattr(energy, name)[-1]) / work
-            for name in ("limb", "socket", "friction", "lever", "penetration")
+    parts = ("limb", "socket", "friction", "lever", "penetration")
+    return pd.DataFrame(
+        {
+            "case": path.name,
+            "largest step": path.largest,
+            "work, N mm per mm": path.energy.work.iloc[-1],
+            **{f"{part}, %": 100.0 * share(path.energy, part) for part in parts},
+            "work less limb, socket, friction, %": 100.0 * energy_error(path.energy),
+            "less lever, penetration, too, %": 100.0 * trapezoid_error(path.energy),
         }
-        rows.append(
-            {
-                "case": path.name,
-                "largest step": path.largest,
-                "work, N mm per mm": work,
-                **shares,
-                "work less limb, socket, friction, %": 100.0 * energy.error,
-                "less lever, penetration, too, %": 100.0 * energy.full_error,
-            }
-        )
-    return pd.DataFrame(rows)
+        for path in paths
+    )
 
 
 def newton_table(paths: Sequence[LimbPath]) -> pd.DataFrame:
     """Judge the last two iterations of every step of each path."""
     rows = []
     for path in paths:
-        last = Iterations.of(path.solves)
-        changing = [
-            f"{step.load:.3g}"
-            for step, solve in zip(path.steps, path.solves, strict=True)
-            if solve.converged
-            and (solve.changes()[-LAST_ITERATIONS:].any() or solve.cuts()[-LAST_ITERATIONS:].any())
-        ]
+        last = last_iterations(path.solves)
+        kinks = last[(last.changes > 0) | last.cut]
         rows.append(
             {
                 "case": path.name,
-                "iterations": len(last.before),
-                "contact changes": int(np.count_nonzero(last.changes)),
-                "cut": int(np.count_nonzero(last.cut)),
-                "at loads": ", ".join(changing),
-                "smooth": int(np.count_nonzero(last.smooth)),
-                "largest C, mm/N": float(last.factor.max(initial=0.0)),
-                "last: worst |F| after / before": last.last_contraction,
-                "order at the end": path.probe.order,
+                "iterations": len(last),
+                "contact changes": np.count_nonzero(last.changes),
+                "cut": last.cut.sum(),
+                "at loads": ", ".join(f"{path.steps[k].load:.3g}" for k in kinks.solve.unique()),
+                "smooth": last.smooth.sum(),
+                "largest C, mm/N": largest_factor(last),
+                "last: worst |F| after / before": last_contraction(last),
+                "order at the end": path.newton_order,
             }
         )
     return pd.DataFrame(rows)
 
 
-def newton_figure(paths: Sequence[LimbPath]) -> Figure:
+def newton_figure(paths: Sequence[LimbPath]) -> Draw:
     """Plot |F| after over |F| before of the last two iterations of every step."""
-    last = Iterations.of([solve for path in paths for solve in path.solves])
+    last = last_iterations([solve for path in paths for solve in path.solves])
     changed = (last.changes > 0) | last.cut
+    smooth, kinks = last[~changed], last[changed]
     ends = np.array([last.before.min(), last.before.max()])
-    most = last.factor.max(initial=0.0)
+    most = largest_factor(last)
     lines: list[Curve] = [
-        (last.before[~changed], last.after[~changed], "o", "whole steps"),
-        (last.before[changed], last.after[changed], "x", "contact changes, or cut"),
+        (smooth.before, smooth.after, "o", "whole steps"),
+        (kinks.before, kinks.after, "x", "contact changes, or cut"),
         (ends, most * ends**2, "k--", f"{most:.2g} |F|^2"),
         (ends, [TOLERANCE] * 2, "-C7", "tolerance"),
     ]
     return curves(
-        "limb_newton",
-        "The last two Newton iterations of every step of all paths.",
         ("|F| before the iteration, N/mm", "|F| after it, N/mm"),
         lines,
         ylim=(last.after.min() / 3.0, 3.0 * last.after.max()),
@@ -195,20 +176,15 @@ def newton_figure(paths: Sequence[LimbPath]) -> Figure:
     )
 
 
-def energy_figure(paths: Sequence[LimbPath]) -> Figure:
+def energy_figure(paths: Sequence[LimbPath]) -> Draw:
     """Plot what the energy balance leaves over the load step."""
     lines: list[Curve] = []
     for k, name in enumerate(dict.fromkeys(path.name for path in paths)):
         followed = [path for path in paths if path.name == name and path.as_the_study]
         steps = [float(np.diff(path.energy.load).max()) for path in followed]
-        left = [100.0 * abs(path.energy.full_error) for path in followed]
-        style = "s--" if followed[0].material_set == "combined" else "o-"
+        left = [100.0 * abs(trapezoid_error(path.energy)) for path in followed]
+        style = "s--" if name.endswith("combined") else "o-"
         lines.append((steps, left, f"{style}C{k // 2}", name))
     ends = np.array([min(steps), max(steps)])
-    return curves(
-        "limb_energy",
-        "Work of the shrink fit less all energies, with lever and penetration, by load step.",
-        ("largest load step", "unaccounted, % of the work"),
-        [*lines, (ends, ends**2, "k:", "slope 2")],
-        **LOG,
-    )
+    lines.append((ends, ends**2, "k:", "slope 2"))
+    return curves(("largest load step", "unaccounted, % of the work"), lines, **LOG)

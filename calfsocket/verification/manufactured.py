@@ -1,20 +1,13 @@
-r"""Manufactured solutions on curved triangles.
+"""Manufactured solutions on curved triangles, with stresses of the laws' closed forms."""
 
-**Manufactured solutions.** On a quarter ring of curved triangles a displacement of sines is
-prescribed at the inner arc, and the loads that it needs are applied: the virtual work of its
-nominal stress, int P : grad v, which body force and tractions would do. P is made from the laws'
-closed forms, without UFL. The displacement is a shear along y after one along x, which keeps every
-volume; for the compressible law a swelling is added.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import ufl
 from dolfinx import fem
-from numpy.typing import NDArray
 
 from calfsocket.materials.laws import Law
 from calfsocket.materials.tissues import FASCIA, SKIN
@@ -22,13 +15,9 @@ from calfsocket.mechanics.constraints import Constraint
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.verification.problems import solved
-from calfsocket.verification.report import LOG, Check, Figure, curves
-from calfsocket.verification.sampling import at_points
-from calfsocket.verification.strips import INNER, LEFT, OUTER, quarter_ring
-
-FloatArray = NDArray[np.float64]
-Array = NDArray[Any]
-Field = Callable[[Array], Array]
+from calfsocket.verification.report import LOG, Check, Draw, curves, order
+from calfsocket.verification.sampling import Array, FloatArray, at_points
+from calfsocket.verification.strips import INNER, LEFT, OUTER, Field, quarter_ring
 
 
 @dataclass(frozen=True)
@@ -42,12 +31,9 @@ class Manufactured:
     displacement: Field
     pressure: Field
 
-    def gradient(self, x: Array) -> FloatArray:
-        """Grad u by a complex step; (2, 2, n)."""
-        return _gradient(self.displacement, x)
 
-
-def _gradient(displacement: Field, x: Array) -> FloatArray:
+def gradient(displacement: Field, x: Array) -> FloatArray:
+    """Grad u by a complex step; (2, 2, n)."""
     step = 1e-30j
     moved = (x + step * np.eye(2)[:, [j]] for j in range(2))
     return np.stack([displacement(at).imag / step.imag for at in moved], axis=1)
@@ -81,7 +67,7 @@ def compressible() -> Manufactured:
         return np.asarray(_shears(x) + a * swell)
 
     def pressure(x: Array) -> Array:
-        F = np.eye(2)[:, :, None] + _gradient(displacement, x)
+        F = np.eye(2)[:, :, None] + gradient(displacement, x)
         return np.asarray(SKIN.bulk_modulus * (np.linalg.det(F.T) - 1.0))
 
     return Manufactured(SKIN, displacement, pressure)
@@ -89,24 +75,12 @@ def compressible() -> Manufactured:
 
 def nominal_stress(exact: Manufactured, x: Array) -> FloatArray:
     """P = (tau + J p I) F^-T at positions, MPa, from the spectral form of b = F F^T; (2, 2, n)."""
-    F = np.moveaxis(np.eye(2)[:, :, None] + exact.gradient(x), 2, 0)
+    F = np.moveaxis(np.eye(2)[:, :, None] + gradient(exact.displacement, x), 2, 0)
     squared, n = np.linalg.eigh(F @ F.swapaxes(1, 2))
     tau = exact.law.kirchhoff(np.array([*np.sqrt(squared.T), np.ones(len(F))]))[:2]
     principal = tau + np.sqrt(squared.prod(axis=1)) * exact.pressure(x)
     kirchhoff = np.einsum("pik,kp,pjk->pij", n, principal, n)
     return np.moveaxis(kirchhoff @ np.linalg.inv(F).swapaxes(1, 2), 0, 2)
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """Errors over element sizes."""
-
-    h: FloatArray  #: (n,) element sizes, mm
-    errors: dict[str, FloatArray]  #: relative errors: "u L2", "u H1" (of the gradient) and "p L2"
-
-    def rate(self, norm: str) -> float:
-        """Slope of the error over h, fitted in the logarithms."""
-        return float(np.polyfit(np.log(self.h), np.log(self.errors[norm]), 1)[0])
 
 
 RATES = {"u L2": 2.9, "u H1": 1.9, "p L2": 1.9}
@@ -115,17 +89,10 @@ RATES = {"u L2": 2.9, "u H1": 1.9, "p L2": 1.9}
 DIVISIONS = (6, 8, 12, 16, 24)
 
 
-def manufactured_error(exact: Manufactured, section: SectionMesh, held: str) -> dict[str, float]:
-    """Solve for a manufactured solution, held on one boundary; relative errors.
+def manufactured_error(exact: Manufactured, section: SectionMesh, inner: str) -> dict[str, float]:
+    """Solve for a solution prescribed at the boundary `inner` of a region; relative errors.
 
-    Parameters
-    ----------
-    exact : Manufactured
-        The solution.
-    section : SectionMesh
-        With one region.
-    held : str
-        Boundary with the exact displacement.
+    Of displacement ("u L2"), its gradient ("u H1") and pressure ("p L2").
     """
     domain = section.mesh
 
@@ -136,7 +103,7 @@ def manufactured_error(exact: Manufactured, section: SectionMesh, held: str) -> 
         return ufl.inner(stress, ufl.grad(v)) * ufl.dx(domain, metadata={"quadrature_degree": 8})
 
     (region,) = section.regions
-    constraint = Constraint(held, values=exact.displacement)
+    constraint = Constraint(inner, values=exact.displacement)
     problem = Problem(section, {region: exact.law}, [constraint], [loads])
     # Loads grown in proportion need not lead there, so the solution is looked for where it is.
     scale = exact.law.initial_shear_modulus
@@ -144,29 +111,26 @@ def manufactured_error(exact: Manufactured, section: SectionMesh, held: str) -> 
     problem.w.sub(1).interpolate(lambda x: exact.pressure(x[:2]) / scale)
     solved(problem)
     at = at_points(section, problem.w, problem.fields)
-    G = exact.gradient(at.x)
+    H = gradient(exact.displacement, at.x)
+    pairs = {
+        "u L2": (at.u, exact.displacement(at.x)),
+        "u H1": (at.F - np.eye(2)[:, :, None], H),
+        "p L2": (at.p, exact.pressure(at.x)),
+    }
 
     def norm(values: Array) -> float:
         return float(np.sqrt(np.sum(at.weight * np.abs(values) ** 2)))
 
-    u, p = exact.displacement(at.x), exact.pressure(at.x)
-    return {
-        "u L2": norm(at.u - u) / norm(u),
-        "u H1": norm(at.F - np.eye(2)[:, :, None] - G) / norm(G),
-        "p L2": norm(at.p - p) / norm(p),
-    }
+    return {name: norm(found - u) / norm(u) for name, (found, u) in pairs.items()}
 
 
-def convergence(exact: Manufactured, divisions: Sequence[int] = DIVISIONS) -> Convergence:
-    """Solve on a quarter ring with several numbers of elements across."""
+def convergence(exact: Manufactured, divisions: Sequence[int] = DIVISIONS) -> pd.DataFrame:
+    """Errors by norm on a quarter ring with numbers of elements across; the index is h in mm."""
     errors = [manufactured_error(exact, quarter_ring(n), LEFT) for n in divisions]
-    return Convergence(
-        (OUTER - INNER) / np.array(divisions),
-        {norm: np.array([error[norm] for error in errors]) for norm in errors[0]},
-    )
+    return pd.DataFrame(errors, index=(OUTER - INNER) / np.array(divisions))
 
 
-def convergences() -> dict[str, Convergence]:
+def convergences() -> dict[str, pd.DataFrame]:
     """Solve for both solutions on all meshes."""
     return {
         "compressible": convergence(compressible()),
@@ -174,27 +138,26 @@ def convergences() -> dict[str, Convergence]:
     }
 
 
-def checks(convergences: Mapping[str, Convergence]) -> list[Check]:
+def checks(convergences: Mapping[str, pd.DataFrame]) -> list[Check]:
     """Compare the fitted orders with the element's."""
     return [
         Check(
             f"{name}: order of {norm}",
-            result.rate(norm),
+            order(errors.index, errors[norm]),
             least,
             "manufactured solution",
             rule="at least",
         )
-        for name, result in convergences.items()
+        for name, errors in convergences.items()
         for norm, least in RATES.items()
     ]
 
 
-def figure(convergences: Mapping[str, Convergence]) -> Figure:
+def figure(convergences: Mapping[str, pd.DataFrame]) -> Draw:
     """Plot the errors over the element size."""
     lines = [
-        (result.h, result.errors[norm], f"{style}C{k}", f"{name}, {norm}")
-        for (name, result), style in zip(convergences.items(), ("o-", "s--"), strict=True)
+        (errors.index, errors[norm], f"{style}C{k}", f"{name}, {norm}")
+        for (name, errors), style in zip(convergences.items(), ("o-", "s--"), strict=True)
         for k, norm in enumerate(RATES)
     ]
-    caption = "Manufactured solutions on curved triangles."
-    return curves("element_rates", caption, ("element size, mm", "relative error"), lines, **LOG)
+    return curves(("element size, mm", "relative error"), lines, **LOG)

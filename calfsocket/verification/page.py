@@ -1,4 +1,4 @@
-"""The verification page: subjects run, their checks, tables and figures written as Markdown.
+"""The verification page: subjects run, and their templates filled with what they show.
 
 Each section stands between comments that contain what the summary at the top needs, so that one
 subject can be run again without the others.
@@ -9,18 +9,28 @@ import re
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.axis import Axis
+from matplotlib.ticker import (
+    LogFormatterSciNotation,
+    LogLocator,
+    NullFormatter,
+    StrMethodFormatter,
+)
 
 import calfsocket
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.verification.newton import newton_checks, recording
-from calfsocket.verification.report import Check, Figure, Section, Table
+from calfsocket.verification.report import Check, Draw, Section
 
 SUBJECTS = (
     "material_point",
@@ -34,32 +44,40 @@ SUBJECTS = (
     "limb",
     "limb_friction",
 )
-"""Modules of this package with a function ``report() -> Section``, in the order of the page."""
+"""Modules of this package with a function ``report() -> Section``, in the order of the page; what
+they fill is ``pages/SUBJECT.md``."""
 
 PAGE, FOLDER = "verification.md", "verification"
 
-HEAD = """\
-# Verification
-
-Problems with known answers, solved with the mesh, the laws, the contact and the solver that studies
-use. `python3 -m calfsocket verify` makes this page; the same problems run as tests. `--only
-SUBJECT` makes one section again and keeps the others.
-"""
+TEMPLATES = Environment(
+    loader=PackageLoader("calfsocket.verification", "pages"),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    keep_trailing_newline=True,
+)
 
 
 @dataclass(frozen=True)
 class Part:
     """A section of the page as text, with what the summary says of it."""
 
-    #: name of the module, and heading
-    subject: str
-    title: str
+    subject: str  #: name of the module
     #: number of checks, and of those that pass
     checks: int
     passed: int
     seconds: float  #: wall time
     version: str  #: of the program that made it
     body: str  #: markdown
+
+    @property
+    def title(self) -> str:
+        """Heading."""
+        return self.body.partition("\n")[0].removeprefix("## ")
+
+    @property
+    def anchor(self) -> str:
+        """Anchor of the heading as code forges make it: lower case, hyphens, no punctuation."""
+        return re.sub(r"[^\w -]", "", self.title.lower()).replace(" ", "-")
 
     def __str__(self) -> str:
         """Return the section between its comments."""
@@ -71,19 +89,16 @@ class Part:
     @classmethod
     def all_of(cls, page: str) -> dict[str, "Part"]:
         """Read the sections of a page back."""
-        found = re.finditer(
-            r"<!-- (?P<subject>\w+): (?P<passed>\d+) of (?P<checks>\d+) checks, "
-            r"(?P<seconds>\d+) s, calfsocket (?P<version>\S+) -->\n"
-            r"(?P<body>## (?P<title>.*?)\n.*?)<!-- end of \1 -->\n",
+        found = re.findall(
+            r"<!-- (\w+): (\d+) of (\d+) checks, (\d+) s, calfsocket (\S+) -->\n"
+            r"(## .*?)<!-- end of \1 -->\n",
             page,
             flags=re.DOTALL,
         )
-        numbers = {"passed": int, "checks": int, "seconds": float}
-        parts = [
-            cls(**{name: numbers.get(name, str)(text) for name, text in match.groupdict().items()})
-            for match in found
-        ]
-        return {part.subject: part for part in parts}
+        return {
+            subject: cls(subject, int(checks), int(passed), float(seconds), version, body)
+            for subject, passed, checks, seconds, version, body in found
+        }
 
 
 def chosen_subjects(names: Sequence[str]) -> list[str]:
@@ -107,38 +122,14 @@ def write_page(
 ) -> bool:
     """Run subjects; write ``verification.md`` with their sections, figures and tables.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the page goes; figures and tables go to ``verification/`` in it. Sections of an
-        earlier page stay when their subject is not run.
-    subjects : sequence of str
-        Which to run.
-    options : mapping of subject to keywords, optional
-        What the ``report`` of a subject is called with.
-
-    Returns
-    -------
-    bool
-        Whether every check of the subjects that were run passes.
+    Figures and tables go to ``verification/`` in the folder; sections of an earlier page stay when
+    their subject is not run. Options are keywords of a subject's ``report``. Return whether every
+    check of the subjects that were run passes.
     """
     page = folder / PAGE
     passed = True
     for subject in subjects:
-        start = time.perf_counter()
-        module = importlib.import_module(f"calfsocket.verification.{subject}")
-        with recording() as solves:
-            section = module.report(**(options or {}).get(subject, {}))
-        checks = [*section.checks, *newton_checks(solves)]
-        part = Part(
-            subject=subject,
-            title=section.title,
-            checks=len(checks),
-            passed=sum(check.passes for check in checks),
-            seconds=time.perf_counter() - start,
-            version=calfsocket.__version__,
-            body=_body(section, checks, folder / FOLDER),
-        )
+        part = _run(subject, (options or {}).get(subject, {}), folder / FOLDER)
         passed = passed and part.passed == part.checks
         # Read and written after each subject: they take minutes, the next may fail, and others may
         # run beside this one.
@@ -146,46 +137,45 @@ def write_page(
         parts = earlier | {subject: part}
         shown = [parts[name] for name in SUBJECTS if name in parts]
         with replacing(page) as temporary:
-            text = "\n".join([HEAD, _summary(shown), *map(str, shown)])
+            text = TEMPLATES.get_template(PAGE).render(parts=shown)
             temporary.write_text(text, encoding="utf-8")
     return passed
 
 
-def _summary(parts: Sequence[Part]) -> str:
-    rows = [
-        {
-            "section": f"[{part.title}](#{_anchor(part.title)})",
-            "subject": f"`{part.subject}`",
-            "checks": part.checks,
-            "passed": f"{part.passed}" if part.passed == part.checks else f"**{part.passed}**",
-            "seconds": f"{part.seconds:.0f}",
-            "calfsocket": part.version,
-        }
-        for part in parts
-    ]
-    total = {name: sum(getattr(p, name) for p in parts) for name in ("checks", "passed", "seconds")}
-    rows.append({"section": "all", **total, "seconds": f"{total['seconds']:.0f}"})
-    return _markdown(pd.DataFrame(rows).fillna(""), right=("checks", "passed", "seconds")) + "\n"
+def _run(subject: str, options: Mapping[str, Any], folder: Path) -> Part:
+    """Run a subject; write its figures and files into a folder."""
+    start = time.perf_counter()
+    module = importlib.import_module(f"calfsocket.verification.{subject}")
+    with recording() as solves:
+        section = module.report(**options)
+    checks = [*section.checks, *newton_checks(solves)]
+    return Part(
+        subject=subject,
+        checks=len(checks),
+        passed=sum(check.passes for check in checks),
+        seconds=time.perf_counter() - start,
+        version=calfsocket.__version__,
+        body=_body(subject, section, checks, folder),
+    )
 
 
-def _anchor(title: str) -> str:
-    """Anchor of a heading as code forges make it: lower case, hyphens, no punctuation."""
-    return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
+def _body(subject: str, section: Section, checks: Sequence[Check], folder: Path) -> str:
+    """Fill a subject's template, which must show all that there is."""
+    results: dict[str, Any] = {**section.figures, **section.tables, **section.files}
 
+    def show(write: Any, name: str, caption: str, *more: Any) -> str:
+        return str(write(results.pop(name), " ".join(caption.split()), *more))
 
-def _body(section: Section, checks: Sequence[Check], folder: Path) -> str:
-    for name, frame in section.files.items():
-        with replacing(folder / name) as temporary:
-            frame.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
-    parts = [
-        f"## {section.title}",
-        section.text.strip(),
-        _markdown(pd.DataFrame(map(_row, checks)), right=("value", "bar")),
-        *map(_table, section.tables),
-        *(f"In full: [{name}]({FOLDER}/{name})." for name in section.files),
-        *(_figure(figure, folder) for figure in section.figures),
-    ]
-    return "\n\n".join(parts) + "\n\n"
+    text = TEMPLATES.get_template(f"{subject}.md").render(
+        section.values,
+        checks=_markdown(pd.DataFrame(map(_row, checks)), right=("value", "bar")),
+        figure=lambda name, caption: show(_figure, name, caption, folder / f"{name}.png"),
+        table=partial(show, _table),
+        file=lambda name: show(_file, name, name, folder),
+    )
+    if results:
+        raise ValueError(f"{subject}.md: does not show {', '.join(results)}")
+    return f"{text}\n"
 
 
 _SIGN = {"at most": "≤", "at least": "≥", "exactly": "="}
@@ -207,16 +197,15 @@ def _number(value: float) -> str:
     return str(int(value)) if float(value).is_integer() else f"{value:.3g}"
 
 
-def _table(table: Table) -> str:
-    frame = table.frame
+def _table(frame: pd.DataFrame, caption: str, digits: int = 4) -> str:
     right = [name for name in frame if pd.api.types.is_numeric_dtype(frame[name])]
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
-            return "" if pd.isna(value) else f"{value:.{table.digits}g}"
+            return "" if pd.isna(value) else f"{value:.{digits}g}"
         return str(value)
 
-    return f"*{table.caption}*\n\n{_markdown(frame.map(cell), right)}"
+    return f"*{caption}*\n\n{_markdown(frame.map(cell), right)}"
 
 
 def _markdown(frame: pd.DataFrame, right: Collection[str]) -> str:
@@ -227,14 +216,40 @@ def _markdown(frame: pd.DataFrame, right: Collection[str]) -> str:
     return "\n".join(f"| {' | '.join(row)} |" for row in [rows[0], align, *rows[1:]])
 
 
-def _figure(figure: Figure, folder: Path) -> str:
-    path = folder / f"{figure.name}.png"
+def _file(frame: pd.DataFrame, name: str, folder: Path) -> str:
+    with replacing(folder / name) as temporary:
+        frame.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
+    return f"[{name}]({FOLDER}/{name})"
+
+
+def _figure(draw: Draw, caption: str, path: Path) -> str:
     drawing, axes = plt.subplots(figsize=(8.0, 4.0), layout="constrained")
-    figure.draw(axes)
+    draw(axes)
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            label(axis)
     if legend := axes.get_legend():  # beside the axes, where it covers no curve
         legend.set_loc("center left")
         legend.set_bbox_to_anchor((1.0, 0.5))
     with replacing(path) as temporary:
         drawing.savefig(temporary, dpi=150)
     plt.close(drawing)
-    return f"![{figure.caption}]({FOLDER}/{path.name})\n\n*{figure.caption}*"
+    return f"![{caption}]({FOLDER}/{path.name})\n\n*{caption}*"
+
+
+SHORT = 30.0
+"""Ratio of the ends of a logarithmic axis that has fewer than two powers of ten to label."""
+
+PLAIN = (1e-3, 1e4)
+"""Numbers that are written without a power of ten."""
+
+
+def label(axis: Axis) -> None:
+    """Label a logarithmic axis at powers of ten alone, a short one at 1, 2, 3 and 5 times them."""
+    low, high = axis.get_view_interval()
+    if high < SHORT * low:
+        plain = PLAIN[0] <= low and high <= PLAIN[1]
+        powers = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))  # labels all ticks
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}") if plain else powers)
+    axis.set_minor_formatter(NullFormatter())

@@ -1,10 +1,4 @@
-r"""Patch test of tissues side by side.
-
-**Patch test.** Strips of tissues side by side, with curved triangles inside, take the compatible
-field x -> Q (l_i x + c_i, l y): one stretch l along the strips for all, and across them in each the
-stretch l_i at which its law has the common nominal stress P_xx. Its displacement is linear and its
-pressure constant in each strip, so that the element must give it to rounding. Q is a rotation.
-"""
+"""Patch test of tissues side by side: displacements linear, pressures constant in each strip."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
 from calfsocket.materials.laws import Law, Ogden
 from calfsocket.materials.material_set import MaterialSet
@@ -22,10 +15,8 @@ from calfsocket.mechanics.problem import Problem
 from calfsocket.verification.problems import solved
 from calfsocket.verification.radial import RingLaw
 from calfsocket.verification.report import Check
-from calfsocket.verification.sampling import at_points
+from calfsocket.verification.sampling import Array, at_points
 from calfsocket.verification.strips import BOTTOM, LEFT, RIGHT, TOP, strip_mesh
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -55,18 +46,10 @@ def patch_strips() -> dict[str, list[Law]]:
 def patch_test(
     laws: Sequence[Law], along: float = 0.97, stress: float = -0.002, turn: float = 0.3
 ) -> Patch:
-    """Solve the patch test.
+    """Solve the patch test of strips with these laws.
 
-    Parameters
-    ----------
-    laws : sequence of law
-        One a strip.
-    along : float
-        Stretch along the strips.
-    stress : float
-        Nominal stress across the strips, MPa; it acts as a traction on the last one.
-    turn : float
-        Angle by which the whole is turned, rad.
+    They are stretched by `along`; the nominal `stress` across them, MPa, acts as a traction on the
+    last one; the whole is turned by `turn`, rad.
     """
     names = [f"strip_{k}" for k in range(len(laws))]
     section = strip_mesh([(name, 2.0, 2) for name in names], 4.0, 4, bend=0.15)
@@ -109,11 +92,12 @@ def patch_test(
 
 def checks() -> list[Check]:
     """Measure every patch."""
-    found = []
-    for name, laws in patch_strips().items():
-        patch = patch_test(laws)
-        found += [
-            Check(f"patch, {name}: displacement", patch.displacement, 1e-12, "linear field"),
-            Check(f"patch, {name}: pressure", patch.pressure, 1e-10, "constant in a strip"),
-        ]
-    return found
+    patches = {f"patch, {name}": patch_test(laws) for name, laws in patch_strips().items()}
+    return [
+        check
+        for name, patch in patches.items()
+        for check in (
+            Check(f"{name}: displacement", patch.displacement, 1e-12, "linear field"),
+            Check(f"{name}: pressure", patch.pressure, 1e-10, "constant in a strip"),
+        )
+    ]

@@ -28,7 +28,7 @@ def solved(problem: Problem, loads: Sequence[float] = (1.0,)) -> Problem:
     return problem
 
 
-def held_socket(
+def prescribed_supports(
     section: SectionMesh, laws: Mapping[str, Law], contact: Contact
 ) -> PrescribedMotion:
     """Make bodies to be moved by their supports: the core of the limb and the outer face.

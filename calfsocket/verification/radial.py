@@ -1,14 +1,4 @@
-r"""The exact solution of concentric rings under radial load, in plane strain.
-
-The deformed radius r(R) has the principal stretches l_r = r', l_t = r/R, l_z = 1, and the nominal
-stresses P_k = (tau_k + J p)/l_k, tau the law's isochoric Kirchhoff stress, obey
-
-    dP_r/dR = (P_t - P_r)/R,    p = K (J - 1), or J = 1 where incompressible.
-
-r and P_r are continuous between tissues. At the contact the skin's force per angle R P_r is the
-socket's, and the deformed radii agree up to the share of the overclosure that is not yet released.
-The innermost circle is fixed, the socket's outer face free; friction has no part, for nothing moves
-around.
+"""The exact solution of concentric rings under radial load, in plane strain.
 
 Everything comes from `Law.energy` and `Law.kirchhoff` (principal stretches, numpy), by collocation
 with one Chebyshev polynomial a ring; nothing from UFL or the finite elements.
@@ -16,17 +6,13 @@ with one Chebyshev polynomial a ring; nothing from UFL or the finite elements.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
 
 from calfsocket.io.errors import CalfsocketError
 from calfsocket.materials.laws import Law
-
-FloatArray = NDArray[np.float64]
-Array = NDArray[Any]  # also long doubles and complex numbers
+from calfsocket.verification.sampling import Array, FloatArray
 
 
 @dataclass(frozen=True)
@@ -71,13 +57,9 @@ class Profile:
 class RingLaw:
     """A law in the radial problem: what follows from P_r and the hoop stretch.
 
+    P_k = (tau_k + J p)/l_k, tau the law's isochoric Kirchhoff stress, p = K (J - 1) or J = 1.
     Stretches are extended to long doubles: bone's strains of 1e-6 have ten digits only in a double
     near 1, and its stress no more than them.
-
-    Parameters
-    ----------
-    law : Law
-        Of the tissue.
     """
 
     def __init__(self, law: Law) -> None:
@@ -101,20 +83,15 @@ class RingLaw:
     def slopes(self, nominal: Array, hoop: Array) -> tuple[Array, Array, Array]:
         """Return l_r and P_t (MPa), and their derivatives by P_r and hoop stretch, (2, 2, n)."""
         radial = self.radial_stretch(nominal, hoop)
-        by_nominal, by_hoop = np.zeros_like(hoop), -1.0 / hoop**2
+        of_radial = np.array([np.zeros_like(hoop), -1.0 / hoop**2])
         if not self.incompressible:
-            by_nominal = 1.0 / _slope(lambda lr: self._nominal_radial(lr, hoop), radial)
-            by_hoop = -by_nominal * _slope(lambda lt: self._nominal_radial(radial, lt), hoop)
+            by_radial = _slope(lambda lr: self._nominal_radial(lr, hoop), radial)
+            by_hoop = _slope(lambda lt: self._nominal_radial(radial, lt), hoop)
+            of_radial = np.array([1.0 / by_radial, -by_hoop / by_radial])
         through = _slope(lambda lr: self._nominal_hoop(nominal, lr, hoop), radial)
-        direct_nominal = radial / hoop
-        direct_hoop = _slope(lambda lt: self._nominal_hoop(nominal, radial, lt), hoop)
-        derivative = np.array(
-            [
-                [by_nominal, by_hoop],
-                [through * by_nominal + direct_nominal, through * by_hoop + direct_hoop],
-            ]
-        )
-        return radial, self._nominal_hoop(nominal, radial, hoop), derivative
+        direct = _slope(lambda lt: self._nominal_hoop(nominal, radial, lt), hoop)
+        of_hoop = through * of_radial + [radial / hoop, direct]
+        return radial, self._nominal_hoop(nominal, radial, hoop), np.array([of_radial, of_hoop])
 
     def cauchy(self, nominal: Array, radial: Array, hoop: Array) -> FloatArray:
         """Cauchy stress in MPa, radial, hoop and axial; (3, n)."""
@@ -157,20 +134,9 @@ class RadialSolution:
 
         u' = l_r(P_r, l_t) - 1,    P_r' = (P_t - P_r)/R,    l_t = 1 + u/R.
 
-    The innermost circle is fixed.
-
-    Parameters
-    ----------
-    rings : sequence of Ring
-        From the inside out.
-    laws : mapping of tissue to law
-        Laws of the rings.
-    outside : (float, float, float)
-        Coefficients (a, b, c) of the condition a u + b P_r = c at the outermost radius.
-    jump : float
-        How far u jumps where a ring overlaps the one before it, mm.
-    nodes : int
-        Nodes of a ring.
+    The innermost circle is fixed; `outside` are the coefficients (a, b, c) of the condition
+    a u + b P_r = c at the outermost radius. Where a ring overlaps the one before it, u has a `jump`
+    in mm, and R P_r is the same on both sides.
     """
 
     def __init__(
@@ -184,7 +150,7 @@ class RadialSolution:
         self.rings = list(rings)
         self.laws = {ring.name: RingLaw(laws[ring.tissue]) for ring in rings}
         self._nodes = -np.cos(np.linspace(0.0, np.pi, nodes))
-        self._D = _differentiation(self._nodes)
+        self._D = BarycentricInterpolator(self._nodes, np.eye(nodes)).derivative(self._nodes)
         x: FloatArray = np.zeros((len(rings), 2, nodes))  # ring, (u, P_r), node
         for _ in range(20):
             residual, tangent = self._system(x, outside, jump)
@@ -204,7 +170,7 @@ class RadialSolution:
         u, nominal = self._x[self._index(name), :, -1]
         return float(u), float(nominal)
 
-    def profile(self, name: str, radius: FloatArray) -> Profile:
+    def profile(self, name: str, radius: Array) -> Profile:
         """Return the solution in one ring."""
         ring, (u, nominal) = self.rings[self._index(name)], self._x[self._index(name)]
         at = self._radii(ring)
@@ -241,24 +207,22 @@ class RadialSolution:
         self, x: FloatArray, outside: tuple[float, float, float], jump: float
     ) -> tuple[FloatArray, FloatArray]:
         """Residual and its derivative by all unknowns."""
-        n = len(self._nodes)
         residual = np.zeros(x.shape)
         tangent = np.zeros((*x.shape, *x.shape))
-        inner = np.arange(1, n)
+        inner = np.arange(1, len(self._nodes))
         for k, ring in enumerate(self.rings):
             R, (u, nominal) = self._radii(ring), x[k]
             D = 2.0 / (ring.outer - ring.inner) * self._D
             hoop = 1.0 + np.asarray(u, dtype=np.longdouble) / R
             radial, P_t, slope = self.laws[ring.name].slopes(nominal, hoop)
-            slope = slope.astype(float)
-            residual[k, 0, 1:] = (D @ u - np.asarray(radial - 1.0, dtype=float))[1:]
-            residual[k, 1, 1:] = (D @ nominal - np.asarray((P_t - nominal) / R, dtype=float))[1:]
-            tangent[k, 0, 1:, k, 0] = D[1:]
-            tangent[k, 1, 1:, k, 1] = D[1:]
-            tangent[k, 0, inner, k, 0, inner] -= (slope[0, 1] / R)[1:]
-            tangent[k, 0, inner, k, 1, inner] -= slope[0, 0][1:]
-            tangent[k, 1, inner, k, 0, inner] -= (slope[1, 1] / R**2)[1:]
-            tangent[k, 1, inner, k, 1, inner] -= ((slope[1, 0] - 1.0) / R)[1:]
+            slope[1, 0] -= 1.0  # of P_t - P_r
+            rates = np.array([radial - 1.0, (P_t - nominal) / R], dtype=float)
+            by = np.array([[slope[0, 1] / R, slope[0, 0]], [slope[1, 1] / R**2, slope[1, 0] / R]])
+            for i, j in np.ndindex(2, 2):
+                tangent[k, i, inner, k, j, inner] -= by[i, j, 1:].astype(float)
+            for i in range(2):
+                residual[k, i, 1:] = (D @ x[k, i] - rates[i])[1:]
+                tangent[k, i, 1:, k, i] += D[1:]
             # At the inner radius: fixed, or the neighbour's displacement and force per angle.
             tangent[k, 0, 0, k, 0, 0] = 1.0
             if k == 0:
@@ -275,17 +239,6 @@ class RadialSolution:
             tangent[k, 1, 0, k, 1, 0] = ring.inner
             tangent[k, 1, 0, k - 1, 1, -1] = -before.outer
         return residual.ravel(), tangent.reshape(x.size, x.size)
-
-
-def _differentiation(nodes: FloatArray) -> FloatArray:
-    """Matrix of the derivative of a polynomial by its values at the nodes."""
-    difference = nodes[:, None] - nodes[None, :]
-    np.fill_diagonal(difference, 1.0)
-    weight = 1.0 / difference.prod(axis=1)
-    D = weight[None, :] / weight[:, None] / difference
-    np.fill_diagonal(D, 0.0)
-    np.fill_diagonal(D, -D.sum(axis=1))
-    return np.asarray(D)
 
 
 @dataclass(frozen=True)
@@ -305,20 +258,10 @@ def exact_ring(
     rings: Sequence[Ring] = LIMB,
     nodes: int = NODES,
 ) -> ExactRing:
-    """Solve the radial problem of limb and socket.
+    """Solve the radial problem of limb and socket, whose outer face is free.
 
-    Parameters
-    ----------
-    laws : mapping of tissue to law
-        A material set.
-    overclosure : float
-        Skin radius minus the socket's inner radius, undeformed, mm.
-    load : float
-        Share of the overclosure that is released, 0 to 1.
-    rings : sequence of Ring
-        The limb.
-    nodes : int
-        Nodes of a ring.
+    The overclosure is the skin's radius minus the socket's inner radius, undeformed, in mm, the
+    load the share of it that is released, 0 to 1. Friction has no part: nothing moves around.
     """
     skin = rings[-1]
     inner = skin.outer - overclosure

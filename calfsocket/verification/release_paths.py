@@ -11,29 +11,34 @@ All three run from load 0 to load 1 under the program's own `LoadStepper`.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from calfsocket.contact.interface import ContactInterface, ContactPair
+from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.parameters import Contact
-from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
 from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.sampling import FloatArray
 
 FOUNDATION = 1e-2
 """Contact stiffness at half the load in MPa/mm, above the limb's own."""
 
 
-class StiffeningContact(ContactInterface):
+class WholeOverclosure(ContactInterface):
+    """Contact in which nothing is taken off the gaps."""
+
+    def closing(self) -> FloatArray:
+        """No part of the gaps, in mm; (n,)."""
+        return np.zeros(len(self.points.weight))
+
+
+class StiffeningContact(WholeOverclosure):
     r"""Contact through springs that stiffen until they are rigid.
 
     At load l the skin rests on normal springs of the stiffness e = FOUNDATION l^2/(1 - l)^2, and on
@@ -83,10 +88,6 @@ class StiffeningContact(ContactInterface):
         """Return its derivative by the unknowns of each point's cell; (n, 2, k)."""
         return self.traction_share * super().nominal_traction_variation()
 
-    def closing(self) -> FloatArray:
-        """Nothing is taken off the gaps."""
-        return np.zeros(len(self.points.weight))
-
     def slip(self, arc: FloatArray) -> FloatArray:
         """Slip since the last converged step and the springs' deflection then, mm; (n,)."""
         return super().slip(arc) + self._deflection()
@@ -123,35 +124,23 @@ GUIDE_STIFFNESS = 1e-5
 load."""
 
 
-class ShrinkingContact(ContactInterface):
+class ShrinkingContact(WholeOverclosure):
     """True contact with a socket whose stress-free shape is larger until the load is 1.
 
     The socket's undeformed nodes lie at c + (1 + s (1 - load)) (X - c), c the middle of its inner
-    face and s such that it is clear of the limb by `CLEARANCE` at load 0. Its displacement counts
-    from there; arc lengths along it, and so slip, are those of its own size.
-
-    Attributes
-    ----------
-    swelling : float
-        s.
+    face and s, the `swelling`, such that it is clear of the limb by `CLEARANCE` at load 0. Its
+    displacement counts from there; arc lengths along it, and so slip, are those at load 1.
     """
 
     swelling = 0.0
     _centre: FloatArray = np.zeros(2)
 
-    def __init__(
-        self,
-        w: fem.Function,
-        section: SectionMesh,
-        laws: Mapping[str, Law],
-        fields: LawFields,
-        pair: ContactPair,
-    ) -> None:
-        super().__init__(w, section, laws, fields, pair)
+    def __init__(self, w: Any, section: SectionMesh, *arguments: Any) -> None:
+        super().__init__(w, section, *arguments)
         cells = section.cell_tags.find(section.regions[tags.SOCKET])
         self._centre = self.chain.reference[:, 2].mean(axis=0)
         self._nodes = np.unique(section.mesh.geometry.dofmap[cells])
-        self._own_size = section.mesh.geometry.x[self._nodes, :2].copy()
+        self._unswollen = section.mesh.geometry.x[self._nodes, :2].copy()
         if self._smallest_gap(0.0) < CLEARANCE:
             self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
         self.load = 0.0
@@ -168,19 +157,15 @@ class ShrinkingContact(ContactInterface):
         if self.swelling:
             self._set_size(self.swelling * (1.0 - load))
 
-    def closing(self) -> FloatArray:
-        """Nothing is taken off the gaps."""
-        return np.zeros(len(self.points.weight))
-
     def socket_displacement(self) -> FloatArray:
-        """Displacement of the chain's nodes from their places in the socket of its own size, mm."""
+        """Displacement of the nodes of the chain from their places at load 1, mm."""
         swollen = self.swelling * (1.0 - self.load) * (self.chain.reference - self._centre)
         return super().socket_displacement() + swollen
 
     def _set_size(self, swelling: float) -> None:
         """Move this rank's socket nodes to where they lie without stress."""
-        self._mesh.geometry.x[self._nodes, :2] = self._own_size + swelling * (
-            self._own_size - self._centre
+        self._mesh.geometry.x[self._nodes, :2] = self._unswollen + swelling * (
+            self._unswollen - self._centre
         )
 
     def _smallest_gap(self, swelling: float) -> float:

@@ -1,9 +1,10 @@
-"""What a verification problem shows: checks against exact values, tables and figures."""
+"""What a verification problem shows: checks against exact values, figures and tables."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
@@ -35,35 +36,32 @@ class Check:
                 return self.measured == self.bar
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A plot of a verification problem."""
+def check_each(
+    measured: Mapping[str, float], bar: float, source: str, unit: str = "", rule: Rule = "at most"
+) -> list[Check]:
+    """Compare several numbers, by name, with one bar."""
+    return [Check(name, value, bar, source, unit, rule) for name, value in measured.items()]
 
-    name: str  #: file name without extension
-    draw: Callable[[Axes], None]  #: draws on given axes
-    caption: str  #: what it shows
 
+def order(x: Any, y: Any) -> float:
+    """Slope of log y over log x, fitted: the observed order; NaN with fewer than two values."""
+    if len(x) < 2:
+        return np.nan
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+Draw = Callable[[Axes], None]
+"""Draws a figure on given axes."""
 
 Curve = tuple[Any, Any, str, str | None]
 """x, y, matplotlib's format, and the label; None for none."""
 
+LOG = {"xscale": "log", "yscale": "log"}
+"""Settings of a figure with logarithms on both axes."""
 
-def curves(
-    name: str, caption: str, labels: tuple[str, str], lines: Sequence[Curve], **settings: Any
-) -> Figure:
-    """Make a figure of curves.
 
-    Parameters
-    ----------
-    name, caption : str
-        As of `Figure`.
-    labels : (str, str)
-        Of the axes.
-    lines : sequence of Curve
-        The curves, in order.
-    **settings
-        More settings of the axes: xscale="log", xlim=(0, 1), ...
-    """
+def curves(labels: tuple[str, str], lines: Sequence[Curve], **settings: Any) -> Draw:
+    """Make a figure of curves with labels of the axes and more of their settings, e.g. xlim."""
 
     def draw(axes: Axes) -> None:
         for at, values, style, label in lines:
@@ -72,31 +70,16 @@ def curves(
         if any(label for *_, label in lines):
             axes.legend(fontsize="small")
 
-    return Figure(name, draw, caption)
-
-
-LOG = {"xscale": "log", "yscale": "log"}
-"""Settings of a figure with logarithms on both axes."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Numbers shown on the page as they are."""
-
-    caption: str  #: what they are
-    frame: pd.DataFrame  #: its columns are the heads
-    digits: int = 4  #: of its numbers
+    return draw
 
 
 @dataclass(frozen=True)
 class Section:
-    """A subject of the verification page."""
+    """What a subject's template in ``pages/`` is filled with."""
 
-    #: heading, and what the problem is, in Markdown
-    title: str
-    text: str
     checks: list[Check]  #: measured numbers
-    figures: list[Figure] = field(default_factory=list)  #: plots
-    tables: list[Table] = field(default_factory=list)  #: more numbers, below the checks
+    figures: Mapping[str, Draw] = field(default_factory=dict)  #: by file name without extension
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)  #: columns are the heads
     #: tables too long for the page, by the name of their CSV file
     files: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)  #: numbers and words of the text

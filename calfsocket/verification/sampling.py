@@ -17,6 +17,7 @@ from calfsocket.materials.fields import LawFields
 from calfsocket.meshes.distributed import SectionMesh
 
 FloatArray = NDArray[np.float64]
+Array = NDArray[Any]  # also long doubles and complex numbers
 
 
 @dataclass(frozen=True)

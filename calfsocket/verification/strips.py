@@ -1,19 +1,21 @@
 """Meshes of curved triangles for the element: strips side by side, and a quarter of a ring."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.triangles import TriangleMesh
+from calfsocket.verification.sampling import Array
 
-Array = NDArray[Any]
 Field = Callable[[Array], Array]
 
 LEFT, RIGHT, BOTTOM, TOP = "left", "right", "bottom", "top"
+
+LOWER = np.array([(0, 0), (2, 0), (2, 2), (1, 0), (2, 1), (1, 1)])
+UPPER = np.array([(0, 0), (2, 2), (0, 2), (1, 1), (1, 2), (0, 1)])
+"""Nodes of the two triangles of a box of three by three; the diagonal is turned from box to box."""
 
 
 def strip_mesh(
@@ -44,22 +46,13 @@ def strip_mesh(
         move[edge] = 0.0
         move[:, [0, -1]] = 0.0
         number = np.arange(len(x) * len(y)).reshape(len(x), len(y))
-        box = {
-            (a, b): number[a : len(x) - 2 + a : 2, b : len(y) - 2 + b : 2].ravel()
-            for a, b in np.ndindex(3, 3)
-        }
-        # Two triangles a box, the diagonal turned from box to box.
-        lower = [(0, 0), (2, 0), (2, 2), (1, 0), (2, 1), (1, 1)]
-        upper = [(0, 0), (2, 2), (0, 2), (1, 1), (1, 2), (0, 1)]
-        turned = np.indices((len(columns), n)).sum(axis=0).reshape(-1, 1) % 2 == 1
+        i, j = np.indices((len(columns), n)).reshape(2, -1, 1)
         cells = []
-        for corners in (lower, upper):
+        for triangle in (LOWER, UPPER):
             # Turned boxes are mirrored in y, and their nodes taken the other way round.
-            mirrored = [(a, 2 - b) for a, b in (corners[k] for k in (0, 2, 1, 5, 4, 3))]
-            straight, mirror = (
-                np.stack([box[at] for at in each], axis=1) for each in (corners, mirrored)
-            )
-            cells.append(np.where(turned, mirror, straight))
+            mirrored = triangle[[0, 2, 1, 5, 4, 3]] * [1, -1] + [0, 2]
+            a, b = np.where(((i + j) % 2 == 1)[:, :, None], mirrored, triangle).transpose(2, 0, 1)
+            cells.append(number[2 * i + a, 2 * j + b])
         tags = np.repeat(np.array(columns, dtype=np.int32), n)
         sides = [
             np.stack([edge[:-2:2], edge[2::2], edge[1::2]], axis=1)

@@ -1,24 +1,13 @@
-r"""The assembled tangent, contact included.
+"""The assembled tangent, contact included: finite differences, parameters, Newton's order.
 
-Rings of vessel, muscle, fascia and skin lie in a soft socket, of similar stiffness so that no law
-is lost in the rounding errors of another, and random displacements and pressures are added. The
-socket is larger than the limb (all points open), overlaps it (all stick), is also turned (all
-slip), or is moved sideways (open, stick and slip at once).
-
-**Finite differences.** The tangent times a random direction is compared with central differences of
-the residual. No point that is compared changes its status between the two.
-
-**Parameters.** Residual and tangent change with a parameter in the states where they depend on it,
-and are identical to the last bit in the others: friction has no effect while all points stick, the
-tangential stiffness none while all slip, and no contact parameter has any while all are open.
-
-**Newton's method.** The order of convergence at an equilibrium of each kind, on the rings of
-`friction`: |F| after one iteration against |F| before it, from three distances (see `newton`).
+Rings of similar stiffness, so that no law is lost in the rounding errors of another; the socket is
+larger than the limb, overlaps it, is turned, or is moved sideways.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -35,11 +24,10 @@ from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.verification.friction import TurnedRing
-from calfsocket.verification.newton import Probe, probe_at
-from calfsocket.verification.problems import held_socket
-from calfsocket.verification.report import LOG, Check, Curve, Section, Table, curves
-
-FloatArray = NDArray[np.float64]
+from calfsocket.verification.newton import probe_at
+from calfsocket.verification.problems import prescribed_supports
+from calfsocket.verification.report import LOG, Check, Curve, Section, check_each, curves, order
+from calfsocket.verification.sampling import FloatArray
 
 OVERLAP = 0.2
 """mm."""
@@ -62,8 +50,7 @@ DIFFERENCE = 1e-7
 """Step of the finite differences, of unknowns of size 1."""
 
 
-@dataclass(frozen=True)
-class Kind:
+class Kind(NamedTuple):
     """How a state is made and what it must be."""
 
     overlap: float  #: by which the socket is smaller than the limb, mm
@@ -83,7 +70,7 @@ KINDS = {
 def ring(kind: Kind) -> PrescribedMotion:
     """Return the rings, to be moved by their socket's outer face."""
     rings = replace(LAYERED, overclosure=kind.overlap)
-    return held_socket(rings.mesh(MPI.COMM_SELF), rings.laws, Contact())
+    return prescribed_supports(rings.mesh(MPI.COMM_SELF), rings.laws, Contact())
 
 
 def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
@@ -97,11 +84,7 @@ def state(kind: Kind) -> tuple[Problem, PETSc.Vec]:
     return problem, x
 
 
-# -- finite differences ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Difference:
+class Difference(NamedTuple):
     """A tangent against finite differences of the residual."""
 
     error: float  #: norm of the difference, relative
@@ -140,8 +123,6 @@ def random_direction(problem: Problem, x: PETSc.Vec, seed: int = 5) -> FloatArra
     return direction
 
 
-# -- parameters -----------------------------------------------------------------------------------
-
 CONTACT_PARAMETERS: dict[str, frozenset[str]] = {
     "gamma": frozenset({"stick", "slip", "mixed"}),
     "gamma_t": frozenset({"stick", "mixed"}),
@@ -155,28 +136,22 @@ MOVE = 0.1
 
 
 @contextmanager
-def moved(problem: Problem, parameter: str) -> Iterator[None]:
+def moved(problem: Problem, parameter: str, laws: Mapping[str, fem.Function]) -> Iterator[None]:
     """Move a parameter of contact or of the laws by `MOVE`, for the body."""
-    contact = problem.contact
-    load, before = problem.load, contact.parameters
-    factor = 1.0 + MOVE
-    if parameter == "load":
+    contact, load = problem.contact, problem.load
+    before, factor = contact.parameters, 1.0 + MOVE
+    values = laws[parameter].x.array if parameter in laws else np.zeros(0)
+    kept = values.copy()
+    if parameter in laws:
+        values *= factor
+    elif parameter == "load":
         problem.load *= 1.0 - MOVE
-    elif parameter in CONTACT_PARAMETERS:
+    else:
         changed = {parameter: factor * getattr(before, parameter)}
         contact.parameters = before.model_copy(update=changed)
-    else:
-        values = law_parameters(problem)[parameter].x.array
-        kept, values[:] = values.copy(), factor * values
     yield
+    values[:] = kept
     problem.load, contact.parameters = load, before
-    if parameter not in CONTACT_PARAMETERS:
-        values[:] = kept
-
-
-def law_parameters(problem: Problem) -> dict[str, fem.Function]:
-    """Return the parameters of the laws, by name."""
-    return {parameter.name: parameter for parameter in problem.fields.parameters}
 
 
 def moves_of(name: str) -> list[dict[str, object]]:
@@ -197,12 +172,13 @@ def moves_of(name: str) -> list[dict[str, object]]:
         return residual, along
 
     before = both()
+    laws = {parameter.name: parameter for parameter in problem.fields.parameters}
     should = {parameter: name in counts for parameter, counts in CONTACT_PARAMETERS.items()}
     if name == "mixed":
-        should |= dict.fromkeys(law_parameters(problem), True)
+        should |= dict.fromkeys(laws, True)
     rows = []
     for parameter, moving in should.items():
-        with moved(problem, parameter):
+        with moved(problem, parameter, laws):
             f, g = (
                 (now - then).norm() / then.norm() for now, then in zip(both(), before, strict=True)
             )
@@ -218,11 +194,8 @@ def parameter_moves() -> pd.DataFrame:
 
 def as_it_should(moves: pd.DataFrame) -> int:
     """Count the parameters and states where both move, or neither does, as they should."""
-    should = moves["should"] == "moves"
-    return int((((moves["residual"] > 0) == should) & ((moves["tangent"] > 0) == should)).sum())
-
-
-# -- Newton's method ------------------------------------------------------------------------------
+    moving = moves[["residual", "tangent"]] > 0
+    return int(moving.eq(moves["should"] == "moves", axis=0).all(axis=1).sum())
 
 
 RING = TurnedRing(overclosure=0.2, h=2.8)
@@ -236,13 +209,10 @@ EQUILIBRIA: dict[str, tuple[float, Sequence[tuple[float, float]], frozenset[int]
 moved sideways by mm; contact statuses that come of it."""
 
 
-def equilibrium_probe(name: str) -> tuple[Probe, set[int]]:
+def equilibrium_probe(name: str) -> tuple[pd.DataFrame, set[int]]:
     """Press the rings of `friction`, move the socket, and probe Newton's method there.
 
-    Returns
-    -------
-    probe, status
-        The probe along the last change of the unknowns, and the contact statuses.
+    Along the last change of the unknowns; the contact statuses are returned, too.
     """
     friction, steps, _ = EQUILIBRIA[name]
     ring = replace(RING, friction=friction)
@@ -258,52 +228,40 @@ def equilibrium_probe(name: str) -> tuple[Probe, set[int]]:
     return probe_at(problem, x, direction), status
 
 
-# -- report ---------------------------------------------------------------------------------------
-
 DIRECTIONS = 4
 
 
 def report() -> Section:
     """Compare with finite differences, move the parameters, measure the order."""
-    checks = []
+    errors = {}
     for name, kind in KINDS.items():
         problem, x = state(kind)
-        found = [
-            difference(problem, x, random_direction(problem, x, k)).error for k in range(DIRECTIONS)
-        ]
-        label = f"{name}: tangent in {DIRECTIONS} directions"
-        checks.append(Check(label, max(found), 1e-6, "central differences of the residual"))
+        directions = (random_direction(problem, x, k) for k in range(DIRECTIONS))
+        errors[f"{name}: tangent in {DIRECTIONS} directions"] = max(
+            difference(problem, x, direction).error for direction in directions
+        )
     moves = parameter_moves()
-    label = "parameters that move residual and tangent where they should, and only there"
-    source = "the law of contact"
-    checks.append(Check(label, as_it_should(moves), len(moves), source, rule="exactly"))
     probes = {name: equilibrium_probe(name)[0] for name in EQUILIBRIA}
-    checks += [
-        Check(f"{name}: Newton's order", probe.order, 1.9, "2", rule="at least")
-        for name, probe in probes.items()
-    ]
-    lines: list[Curve] = [(probe.before, probe.after, "o-", name) for name, probe in probes.items()]
+    orders = {f"{name}: Newton's order": order(p.before, p.after) for name, p in probes.items()}
+    lines: list[Curve] = [(p.before, p.after, "o-", name) for name, p in probes.items()]
     before, after = probes["mixed"].before, probes["mixed"].after
     lines.append((before, 2.0 * after[0] * (before / before[0]) ** 2, "k--", "slope 2"))
     return Section(
-        "The tangent",
-        __doc__ or "",
-        checks,
         [
-            curves(
-                "newton_order",
-                "One iteration from three distances of an equilibrium.",
-                ("|F| before the iteration, N/mm", "|F| after it, N/mm"),
-                lines,
-                **LOG,
-            )
+            *check_each(errors, 1e-6, "central differences of the residual"),
+            Check(
+                "parameters that move residual and tangent where they should, and only there",
+                as_it_should(moves),
+                len(moves),
+                "the law of contact",
+                rule="exactly",
+            ),
+            *check_each(orders, 1.9, "2", rule="at least"),
         ],
-        [
-            Table(
-                f"Relative change when a parameter grows by {MOVE:.0%}; in the states where it "
-                "plays no part it must be zero.",
-                moves,
-                2,
+        {
+            "newton_order": curves(
+                ("|F| before the iteration, N/mm", "|F| after it, N/mm"), lines, **LOG
             )
-        ],
+        },
+        {"moves": moves},
     )
