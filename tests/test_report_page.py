@@ -162,7 +162,7 @@ def test_damage_is_said_where_it_is(tmp_path):
     case = {("TC", "separate"): (fields, contact_on(fields, 10.0))}
     said = written(results_of(case, folder=tmp_path)).answer
     assert re.search(
-        r"50 % shear strain in muscle is exceeded in TC Separate \(6\d\.\d %",
+        r"50 % shear strain in muscle is exceeded \(6\d\.\d %",
         said["Damage thresholds"],
     )
 

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
         ),
     ),
     description="""\
-Write tables, figures, the scoreboard and report.html of a study, from its files alone; a study that
-is not complete gets what it allows.
+Write tables, figures and report.html of a study, from its files alone; a study that is not complete
+gets what it allows. Beside results of the paper's cases stand the paper's own, with a scoreboard of
+its claims.
 """,
 )
 @first_rank

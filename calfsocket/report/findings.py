@@ -66,7 +66,7 @@ class Findings:
     @property
     def frame(self) -> Frame:
         """Where lateral and anterior lie."""
-        return self.limb.frame if self.limb else Frame()
+        return self.limb.frame if self.limb else next(iter(self.results.records.values())).frame
 
     @cached_property
     def tissues(self) -> tuple[str, ...]:
