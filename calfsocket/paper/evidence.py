@@ -77,8 +77,9 @@ class Evidence(Findings):
 
     @cached_property
     def area_lost(self) -> dict[str, float]:
-        """Share of the limb's area that each socket takes."""
-        return {name: 1 - face.area / self.skin.area for name, face in self.inner_faces.items()}
+        """By how much each socket encloses less area than the limb, %."""
+        area = self.skin.area
+        return {name: 100 * (1 - face.area / area) for name, face in self.inner_faces.items()}
 
     @cached_property
     def maxima(self) -> pd.DataFrame:

@@ -14,6 +14,12 @@ from calfsocket.report.words import TIMES, TOGETHER, change, number
 FLIP = "\N{RIGHTWARDS ARROW OVER LEFTWARDS ARROW}"
 MARK = "\N{DAGGER}"
 
+PRESSURES = (
+    ("skin", "contact_pressure_max"),
+    ("skin", "contact_pressure_mean"),
+    ("vessel", "pressure"),
+)
+
 
 def tables(evidence: Evidence) -> dict[str, Table]:
     """Return the tables that the solved cases allow, by name.
@@ -79,29 +85,15 @@ def _agreement(maxima: pd.DataFrame) -> Table:
 def _pressure(evidence: Evidence) -> Table:
     """Pressures of every socket in both sets, with their changes: ours and the paper's."""
     key = ["tissue", "quantity", "socket"]
-    rows = evidence.results.summary
-    rows = rows[rows.quantity.isin(("contact_pressure_max", "contact_pressure_mean", "pressure"))]
-    sets = rows.pivot(index=key, columns="material_set", values="value").reindex(columns=[*SETS])
+    sets = evidence.results.summary.pivot(index=key, columns="material_set", values="value")
     both = evidence.changes[evidence.changes.site == "max_both"].set_index(key)
-    printed = published.pressure().set_index(key).printed.rename("paper_change_pct")
-    order = pd.MultiIndex.from_tuples(
-        [
-            (tissue, quantity, socket)
-            for tissue, quantity in (
-                ("skin", "contact_pressure_max"),
-                ("skin", "contact_pressure_mean"),
-                ("vessel", "pressure"),
-            )
-            for socket in evidence.results.sockets
-        ],
-        names=key,
-    )
+    printed = published.pressure().set_index(key).printed
+    cells = [(*pair, socket) for pair in PRESSURES for socket in evidence.results.sockets]
     data = (
-        sets.rename(columns=lambda name: f"{name}_kPa")
-        .join(both.relative_change_pct.rename("change_pct"))
-        .join(printed)
-        .reindex(order)
-        .reset_index()
+        pd.DataFrame(cells, columns=key)
+        .join(sets.reindex(columns=[*SETS]).add_suffix("_kPa"), on=key)
+        .join(both.relative_change_pct.rename("change_pct"), on=key)
+        .join(printed.rename("paper_change_pct"), on=key)
     )
     shown = pd.DataFrame(
         {

@@ -1,6 +1,6 @@
 """Facts on what a study is given: tissues, laws, geometry, mesh, contact, how maxima are read."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -135,19 +135,6 @@ def sockets(e: Evidence) -> Fact:
     return {"value": list(shapes.values())}
 
 
-def percent(e: Evidence, shares: Mapping[str, float]) -> dict[str, float]:
-    """Return shares in %."""
-    return {name: 100 * share for name, share in shares.items()}
-
-
-def bare_socket(e: Evidence) -> Fact:
-    """Return whether the socket is one stiff material, without a liner between it and the skin."""
-    tissues = set(e.any_case().fields.region_tissues.values())
-    law = e.parameters["separate"]["socket"]
-    bare = not tissues - {*SUMMARY_TISSUES, "bone", "socket"}
-    return {"value": bare and law["law"] == "hencky", "modulus": law["e"]}
-
-
 def _radial_overlap(skin: ClosedCurve, inner: ClosedCurve) -> NDArray[np.float64]:
     """Return skin radius less that of the socket's inner face at all polar angles, mm, (720,)."""
     angle = np.radians(np.arange(0, 360, 0.5))
@@ -176,18 +163,6 @@ def elements(e: Evidence, of: str) -> Fact:
     inside = [_in_limb(result.fields) for result in e.results.values()]
     counts = [int((cells if of == "limb" else ~cells).sum()) for cells in inside]
     return {"value": (min(counts), max(counts)), "size": e.settings["size"]}
-
-
-def unknowns(e: Evidence) -> Fact:
-    """Return whether the unknowns are those of quadratic displacement and linear pressure.
-
-    A displacement of two components at nodes and in a bubble of each cell, and three pressures a
-    cell, add up to the unknowns of the run.
-    """
-    result = e.any_case()
-    n = len(result.fields.cells)
-    same = result.checks.unknowns == 2 * (len(result.fields.points) + n) + 3 * n
-    return {"value": same and result.fields.cells.shape[1] == 6, "n": result.checks.unknowns}
 
 
 def areas(e: Evidence) -> dict[str, float]:
@@ -279,14 +254,6 @@ def _free_edges(fields: SectionFields, chosen: NDArray[Any]) -> NDArray[np.int64
     edges = np.stack([corners, np.roll(corners, -1, axis=1), cells[:, 3:]], axis=2).reshape(-1, 3)
     uses = np.bincount(fields.cells[:, 3:].ravel(), minlength=len(fields.points))
     return edges[uses[edges[:, 2]] == 1]
-
-
-def implicit_plane_strain(e: Evidence) -> Fact:
-    """Return whether the solution is implicit, with a stress across the plane."""
-    iterations = int(e.results.steps.newton_iterations.sum())
-    across = np.abs(e.any_case().fields.stress[..., 2]).max()
-    version = e.run.versions.get("fenics-dolfinx", "")
-    return {"value": iterations > 0 and across > 0, "iterations": iterations, "version": version}
 
 
 def all_runs(e: Evidence) -> Results:
