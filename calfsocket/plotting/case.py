@@ -29,7 +29,7 @@ PICTURE_FILE = "picture.png"
 STRESS_LIMIT_KPA = 10.0  # as PRESSURE_MM_PER_KPA
 PRESSURE_MM_PER_KPA = 0.4  # the same in every picture, so that pictures can be compared
 PRESSURE_STEP_KPA = 20.0
-HALF_FRAME_MM = 92.0  # grows where the pressure needs it
+FRAME = 1.55  # size over the limb's, so that one limb's pictures match; grows for the pressure
 PIXELS = 2100
 LONGEST_TITLE = 60  # letters; longer ones are written smaller
 
@@ -76,16 +76,18 @@ def _draw_legend(figure: Figure, stress: ScalarMappable, fields: SectionFields) 
     )
 
 
-def draw(quantities: Quantities, contact: ContactLine, title: str, limb: Frame) -> Figure:
+def draw(quantities: Quantities, contact: ContactLine, title: str, directions: Frame) -> Figure:
     """Draw a case: its deformed section, and the contact pressure around it.
 
-    `limb` has the directions that are written at the sides.
+    `directions` are written at the sides.
     """
-    band = place_band(quantities.fields, contact)
+    fields = quantities.fields
+    band = place_band(fields, contact)
     skin = contact.points
     x, y = 0.5 * (skin.min(axis=0) + skin.max(axis=0))
     reach = np.abs(band.at(band.pressure_kPa) - (x, y)).max() + 10
-    half = max(HALF_FRAME_MM, reach)
+    limb_mm = np.ptp(fields.points[fields.cells[fields.cells_of("skin")]], axis=(0, 1)).max()
+    half = max(0.5 * FRAME * limb_mm, reach)
     window = (x - half, x + half, y - half, y + half)
 
     figure = Figure(figsize=(7.0, 8.0), dpi=PIXELS / 7.0)
@@ -94,7 +96,7 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, limb: Frame) 
     stress = ScalarMappable(Normalize(0, STRESS_LIMIT_KPA), shades)
     drawing.draw_field(
         axes,
-        quantities.fields,
+        fields,
         quantities.nodal["effective_stress"],
         window,
         PIXELS,
@@ -107,10 +109,10 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, limb: Frame) 
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)
     levels = [PRESSURE_STEP_KPA * k for k in range(1, int(highest / PRESSURE_STEP_KPA) + 1)]
     band.draw(axes, levels, fontsize=7)
-    drawing.mark_directions(axes, window, limb, fontsize=9)
+    drawing.mark_directions(axes, window, directions, fontsize=9)
     drawing.scale_bar(axes, window, fontsize=8)
     drawing.frame(axes, window)
-    _draw_legend(figure, stress, quantities.fields)
+    _draw_legend(figure, stress, fields)
     fontsize = 13 * min(1.0, LONGEST_TITLE / len(title))
     figure.text(0.5, 0.965, title, ha="center", fontsize=fontsize, parse_math=False)
     return figure

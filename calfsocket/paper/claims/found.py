@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from calfsocket.paper.calibration import Calibration
 from calfsocket.paper.claims.rules import Fact
 from calfsocket.paper.claims.tolerances import (
     DIFFERS_PCT,
@@ -359,12 +358,7 @@ def at_risk(e: Evidence) -> dict[str, list[str]]:
     }
 
 
-# --- the calibration
-
-
-def calibration(e: Evidence) -> Calibration:
-    """Return the calibration beside the study; refuse the check without one."""
-    return e.checked_calibration()
+# --- what cannot be repeated
 
 
 def not_checked(e: Evidence, why: str) -> Fact:

@@ -26,7 +26,6 @@ from calfsocket.postprocess.quantities import SUMMARY_TISSUES, Maximum, Quantiti
 from calfsocket.postprocess.thresholds import tissue_area
 from calfsocket.report.changes import relative_change
 from calfsocket.report.names import QUANTITIES, SETS
-from calfsocket.simulation.results import Results
 
 LIMB_TISSUES = ("skin", "fat", "fascia", "muscle", "bone", "vessel")
 POISSON_RATIO = 0.495
@@ -254,12 +253,6 @@ def _free_edges(fields: SectionFields, chosen: NDArray[Any]) -> NDArray[np.int64
     edges = np.stack([corners, np.roll(corners, -1, axis=1), cells[:, 3:]], axis=2).reshape(-1, 3)
     uses = np.bincount(fields.cells[:, 3:].ravel(), minlength=len(fields.points))
     return edges[uses[edges[:, 2]] == 1]
-
-
-def all_runs(e: Evidence) -> Results:
-    """Return the runs; refuse the check when one is missing."""
-    e.need()
-    return e.results
 
 
 # --- how maxima are read

@@ -59,7 +59,7 @@ def contact_pressure(findings: Findings) -> Figure:
         extent = limb.get_extents()
         x, y = extent.get_points().mean(axis=0)
         axes.text(
-            x, y - 0.2 * extent.height,
+            x, y - 0.3 * extent.height,
             f"largest {smooth[peak]:.1f} kPa\nmean {mean:.1f} kPa\n{share:.3g} % in contact",
             ha="center", va="center", fontsize=6.5, zorder=5, linespacing=1.4,
         )  # fmt: skip
