@@ -95,7 +95,7 @@ def guest(findings: Findings) -> Guest | None:
         "whole": len(keys) == len(findings.results),
         "flip": FLIP,
         "papers_variants": of_paper,
-        "rises": [printed[socket] for socket in evidence.changes.socket.unique()],
+        "rises": printed[evidence.changes.socket.unique()],
         "counted": counted,
         "tally": scoreboard.tally(counted),
         "parts": scoreboard.parts(board),
