@@ -23,8 +23,9 @@ if TYPE_CHECKING:
         ),
     ),
     description="""\
-Write tables, figures, the scoreboard and report.html of a study, from its files alone; a study that
-is not complete gets what it allows.
+Write tables, figures and report.html of a study, from its files alone; a study that is not complete
+gets what it allows. Beside results of the paper's cases stand the paper's own, with a scoreboard of
+its claims.
 """,
 )
 @first_rank
@@ -42,7 +43,7 @@ def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
     from calfsocket.report.write import write_report
     from calfsocket.simulation.results import load_results
 
-    return write_report(load_results(folder), [guest], thresholds)
+    return write_report(load_results(folder), guest, thresholds)
 
 
 @command(

@@ -5,13 +5,17 @@ maxima are fragile: peaks of both directions are often nearly equal, and where f
 incompressible both principal strains have the same magnitude.
 """
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
 from calfsocket.paper import published
 from calfsocket.report.findings import Findings
-from calfsocket.report.inputs import Laws
 from calfsocket.simulation.results import KEY
+
+Laws = dict[str, dict[str, dict[str, Any]]]
+"""Material set -> tissue -> kind of law and parameters, MPa."""
 
 _KEYS = {"mu1": "mu", "alpha1": "alpha"}  # others are the symbol in small letters
 

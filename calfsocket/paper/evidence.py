@@ -45,10 +45,13 @@ class Evidence(Findings):
         """Settings of the study, by their last name."""
         return inputs.settings(self.results)
 
-    @property
-    def laws(self) -> inputs.Laws:
-        """Material set -> tissue -> law and parameters (MPa)."""
-        return inputs.laws(self.results)
+    @cached_property
+    def parameters(self) -> comparison.Laws:
+        """Material set -> tissue -> kind of law and parameters, MPa."""
+        return {
+            name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
+            for name, laws in inputs.laws(self.results).items()
+        }
 
     @property
     def run(self) -> StudyRecord:
@@ -74,8 +77,9 @@ class Evidence(Findings):
 
     @cached_property
     def area_lost(self) -> dict[str, float]:
-        """Share of the limb's area that each socket takes."""
-        return {name: 1 - face.area / self.skin.area for name, face in self.inner_faces.items()}
+        """By how much each socket encloses less area than the limb, %."""
+        area = self.skin.area
+        return {name: 100 * (1 - face.area / area) for name, face in self.inner_faces.items()}
 
     @cached_property
     def maxima(self) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from pydantic import Field
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, checked, read_text
 from calfsocket.materials.laws import AnyLaw
+from calfsocket.meshes.frame import Direction, Frame
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket
 
@@ -41,7 +42,7 @@ class Checks(Strict):
     pressing_force_N_per_mm : float
         Integral of the contact pressure over the skin.
     relative_force_imbalance : float
-        Force by which contact and the tibia's reaction differ, over the pressing force.
+        Force by which contact and reaction where the limb is fixed differ, over the pressing force.
     negative_modes : int
         0 at a stable equilibrium.
     """
@@ -71,7 +72,7 @@ class Checks(Strict):
         if self.largest_gap_in_contact_mm > GAP_TOLERANCE:
             found.append(f"gap of {self.largest_gap_in_contact_mm:.2g} mm in contact")
         if self.relative_force_imbalance > FORCE_TOLERANCE:
-            found.append("contact force and reaction at the tibia do not balance")
+            found.append("contact force and reaction do not balance")
         return tuple(found)
 
 
@@ -86,6 +87,8 @@ class CaseRecord(Strict):
         Socket and material set that it is a variant of: the names without labels.
     base_set : str
         Material set of the paper that its own is, or starts from.
+    axes : mapping
+        What +x and +y of the limb point to; empty where that is not known.
     changes : mapping
         Parameters by which it differs from the other cases of its study: dotted name -> value as
         written in the study file.
@@ -111,6 +114,7 @@ class CaseRecord(Strict):
     material_set: str
     of: tuple[str, str]
     base_set: Literal["separate", "combined"] = "separate"
+    axes: dict[str, Direction] = Field(default_factory=dict)
     changes: dict[str, Any] = Field(default_factory=dict)
     status: Literal["running", "solved", "failed"] = "running"
     message: str = ""
@@ -130,6 +134,11 @@ class CaseRecord(Strict):
     def key(self) -> tuple[str, str]:
         """Values of the columns that name the case in every table."""
         return self.socket, self.material_set
+
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior are."""
+        return Frame(self.axes.get("+x"), self.axes.get("+y"))
 
     @property
     def solved(self) -> bool:

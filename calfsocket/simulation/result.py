@@ -106,7 +106,7 @@ class Result:
         title = case.case_title(*self.record.key)
         if not self.solved:
             title += f", stopped at load {self.checks.load:.3f}"
-        return case.draw(self.quantities, self.line, title)
+        return case.draw(self.quantities, self.line, title, self.record.frame)
 
     def draw(self, folder: Path | str) -> Path:
         """Write the picture of `plot` as picture.png into a folder; return its path."""

@@ -66,13 +66,14 @@ class Results(Mapping[Key, Result]):
         return len(self.records)
 
     @property
+    def unsolved(self) -> dict[Key, CaseRecord]:
+        """Records of the cases that are not solved."""
+        return {key: record for key, record in self._records.items() if not record.solved}
+
+    @property
     def left_out(self) -> dict[str, str]:
         """Name of every case that is not solved -> why."""
-        return {
-            record.name: record.message or "not finished"
-            for record in self._records.values()
-            if not record.solved
-        }
+        return {each.name: each.message or "not finished" for each in self.unsolved.values()}
 
     @property
     def sockets(self) -> tuple[str, ...]:

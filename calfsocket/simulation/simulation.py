@@ -271,6 +271,7 @@ class Simulation:
             material_set=self.materials.name,
             of=(self.socket.name, self.materials.name),
             base_set=self.materials.base,
+            axes=self.limb.axes,
             status="failed" if failure else "solved",
             message=failure,
             ranks=self.comm.size,

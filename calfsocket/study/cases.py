@@ -54,6 +54,7 @@ class Case:
             material_set=self.materials.name,
             of=self.of,
             base_set=self.materials.base,
+            axes=self.limb.axes,
             changes=dict(self.changes),
         )
 
