@@ -11,12 +11,12 @@ import pyvista
 from mpi4py import MPI
 
 from calfsocket import cli
-from calfsocket.io.errors import ConvergenceError, InputError
+from calfsocket.io.errors import ConvergenceError, InputError, SolveError
 from calfsocket.materials.laws import Ogden
 from calfsocket.report.write import write_report
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
-from calfsocket.simulation.simulation import Monitor
+from calfsocket.simulation.simulation import Monitor, Simulation
 from calfsocket.study.document import Document
 from tiny_study import TinyStudy, tiny_study
 
@@ -102,6 +102,21 @@ def test_resume_starts_from_the_last_equilibrium_and_keeps_the_rule(out):
     assert not softened(tiny_study(out, ("A", "C")), "C").run(resume=True)
     assert set(pd.read_csv(out / "summary.csv").socket) == {"A"}
     assert load_results(out).run.cases["C_combined"].resumed_from_load == 0.5
+
+
+def test_a_case_that_fails_when_it_is_solved_again_keeps_no_earlier_result(tmp_path, monkeypatch):
+    assert tiny_study(tmp_path, ("A",), pictures=True).run()
+    (tmp_path / "A_combined" / "notes.txt").write_text("mine")
+
+    def refuse(*_: object) -> None:
+        raise SolveError("no memory")
+
+    monkeypatch.setattr(Simulation, "solve", refuse)
+    assert not tiny_study(tmp_path, ("A",)).run()
+    assert [path.name for path in (tmp_path / "A_combined").iterdir()] == ["notes.txt"]
+    for name in ("summary.csv", "contact.csv", "steps.csv"):
+        assert pd.read_csv(tmp_path / name).empty
+    assert not load_results(tmp_path)
 
 
 def test_the_error_has_the_last_equilibrium():

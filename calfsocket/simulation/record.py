@@ -66,7 +66,8 @@ class Checks(Strict):
         """Return which checks the result does not pass, in words."""
         found = []
         if self.negative_modes != 0:
-            found.append(f"unstable equilibrium: {self.negative_modes} negative modes")
+            plural = "" if self.negative_modes == 1 else "s"
+            found.append(f"unstable equilibrium: {self.negative_modes} negative mode{plural}")
         if self.smallest_volume_ratio <= 0:
             found.append(f"inverted material in {self.smallest_volume_ratio_region}")
         if self.largest_gap_in_contact_mm > GAP_TOLERANCE:
