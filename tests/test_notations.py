@@ -68,6 +68,11 @@ CASES = {
         6e-3 / 9 * powers(3.0) - 1e-3 / 6.25 * powers(-2.5),
         (2.5e-3, 0.4),
     ),
+    "FEBio's Ogden with one term": (
+        {"law": "ogden", "form": "febio", "c": "6 kPa", "m": 3.0, "nu": 0.5},
+        6e-3 / 9 * powers(3.0),
+        (3e-3, np.inf),
+    ),
     "textbook's Ogden": (
         {"law": "ogden", "mu": ["6.3 kPa", "12 Pa", "-0.1 kPa"], "alpha": [1.3, 5.0, -2.0],
          "form": "textbook", "nu": 0.49},

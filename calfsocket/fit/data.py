@@ -240,6 +240,8 @@ def _branch(
             f"loading or unloading{several if cycles[1:] else ''}; if it is one curve, sort the "
             "rows by stretch"
         )
+    if not cycles:
+        raise table.wrong(f"has no {branch}; omit --branch to see where the stretch turns")
     if cycle is None and len(cycles) > 1:
         raise table.wrong(f"{several.removeprefix('; the file ')}, or the last with --cycle last")
     chosen = cycles[-1] if cycle in (None, "last") else cycle

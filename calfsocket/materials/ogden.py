@@ -231,7 +231,8 @@ def one_of(bulk: Mapping[str, object]) -> None:
 def _by_one_name(data: Any) -> Any:
     """Return the keys of a law by the names of its fields.
 
-    FEBio's constants are c and m. Terms may be numbered, mu1 and alpha1, in the place of a list.
+    FEBio's constants are c and m. In the place of lists, terms may be numbered, mu1 and alpha1, or
+    a single one given as it is.
     """
     if not isinstance(data, dict):
         return data
@@ -240,6 +241,11 @@ def _by_one_name(data: Any) -> Any:
         terms = [f"{base}{i}" for i in range(1, len(data) + 1)]
         if numbered := [named.pop(term) for term in takewhile(named.__contains__, terms)]:
             named[base] = numbered
+    named |= {
+        base: [named[base]]
+        for base in ("mu", "alpha", "c", "m")
+        if isinstance(named.get(base), str | int | float)
+    }
     if "c" in named or "m" in named:
         if named.setdefault("form", "febio") != "febio" or not {"c", "m"} <= named.keys():
             raise ValueError('c and m go together, in FEBio\'s form only (form = "febio")')

@@ -13,7 +13,6 @@ from mpi4py import MPI
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, misspelt, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
-from calfsocket.materials.warnings import MaterialWarning
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
@@ -371,7 +370,7 @@ class Planner:
                 laws |= self._files.laws(document.materials[name].laws)
         # `Plan.warnings` says it once for all cases, and where.
         with error_context(self._path, f"materials.{name}"), catch_warnings():
-            simplefilter("ignore", MaterialWarning)
+            simplefilter("ignore")
             changed = paper.replace_known(laws, self._limb.tissues)
             return replace(changed, name=_joined(name, label))
 

@@ -214,13 +214,13 @@ class Study:
             If run.json cannot be written.
         """
         comm = comm or MPI.COMM_WORLD
+        for text in self.plan.warnings if comm.rank == 0 else ():
+            log.warning("%s", text)
         folder = Path(self.plan.document.study.out if out is None else out)
         place = results_folder(folder, self.plan, overwrite)
         with ExitStack() as stack:
             on_first_rank(comm, lambda: stack.enter_context(place))
             log.info("results go to %s", folder)
-            for text in self.plan.warnings if comm.rank == 0 else ():
-                log.warning("%s", text)
             runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
             runner.run(resume)
         return load_results(folder)
