@@ -64,10 +64,14 @@ class Piece:
             return [self.place] * len(self.points)
         return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
 
+    @property
+    def line(self) -> shapely.LineString:
+        """The piece as straight lines."""
+        return shapely.LineString(self.sample() if self.sample else self.points[:, :2])
+
     def dense(self) -> "Piece":
         """Return the same piece with points at most `STEP` apart."""
-        line = shapely.LineString(self.sample() if self.sample else self.points[:, :2])
-        points = shapely.get_coordinates(shapely.segmentize(line, STEP))
+        points = shapely.get_coordinates(shapely.segmentize(self.line, STEP))
         return replace(self, points=points, sample=lambda: points)
 
     def reversed(self) -> "Piece":
@@ -248,9 +252,7 @@ def _listed(groups: Sequence[Sequence[Piece]]) -> str:
     """Describe the curves of a drawing."""
 
     def words(group: Sequence[Piece]) -> str:
-        length = sum(
-            np.linalg.norm(np.diff(piece.dense().points, axis=0), axis=1).sum() for piece in group
-        )
+        length = sum(piece.line.length for piece in group)
         layer = f" on layer '{group[0].layer}'" if group[0].layer else ""
         return f"{group[0].place}{layer}, {length:.0f} mm{'' if _is_closed(group) else ', open'}"
 

@@ -188,7 +188,7 @@ class Limb(Strict):
                     f"regions.{key}" for key in _REMARKS[1] if each.pop(key, None) is not None
                 ]
                 each.setdefault("id", next(free))
-        found += [key for key in _REMARKS[0] if data.pop(key, "")]
+        found += [key for key in _REMARKS[0] if data.pop(key, None) is not None]
         if isinstance(data.get("axes"), dict) and "origin" in data["axes"]:
             data["axes"] = {key: data["axes"][key] for key in data["axes"] if key != "origin"}
             found.append("axes.origin")

@@ -25,6 +25,7 @@ from calfsocket.meshes.drawn import UNITS, Choice, Drawn, check_flat
 _OPENING = 3.0
 #: No outline has larger coordinates, mm, in whatever unit it was drawn.
 _LARGEST = 1e9
+_UNITS = UNITS | {"in": UNITS["inch"], "um": UNITS["micrometres"]}
 _COMMENTS = ("#", "%", "//", "sep=")
 _NUMBER_WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 #: Such as x, X [mm], x_cm, "pos y", and those of ParaView, Points:0.
@@ -53,7 +54,7 @@ def read_csv(path: Path, choice: Choice) -> Drawn:
     columns, unit = _named(path, header, data) if header else (_unnamed(path, data), "")
     points: Array = np.array([_point(path, row, columns) for row in data]).reshape(-1, 3)
     places = [f"line {number}" for number, _ in data]
-    points *= UNITS[unit or "mm"]
+    points *= _UNITS[unit or "mm"]
     check_flat(path, points[:, 2], "; name the columns x and y where the third is not z")
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) <= SAME_POINT:
         points, places = points[:-1], places[:-1]
@@ -117,14 +118,17 @@ def _named(path: Path, header: list[_Row], data: list[_Row]) -> tuple[list[int],
                 f"{path}, line {row}: has {len(values)} {'cell' if len(values) == 1 else 'cells'};"
                 f" its header names {len(cells)}"
             )
-    said = {m[3] or m[4] or "" for m in (found[i] for i in columns) if m}
+    said = {
+        m[3] or (m[4] if str(m[4]).lower() in _UNITS else "")
+        for m in (found[i] for i in columns)
+        if m
+    }
     if header:
         said = {cell.strip("[]() ") for _, units in header for cell in units} - {""}
     for i in (i for i, cell in enumerate(cells) if cell.lower() in ("unit", "units")):
         said = {values[i] for _, values in data if i < len(values)}
     unit = ", ".join(sorted(said)).lower()
-    unit = {"in": "inch", "um": "micrometres"}.get(unit, unit)
-    if unit and unit not in UNITS:
+    if unit and unit not in _UNITS:
         raise InputError(
             f"{path}, line {number}: unit {unit!r}; give coordinates in mm, or in one of"
             f" {', '.join(UNITS)}"

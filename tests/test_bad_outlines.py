@@ -257,7 +257,7 @@ TRIALS = (
     Trial(
         "a scan with a step where it closes",
         ("a.csv", rows(STEPPED)),
-        ("the outline turns too sharply near (55.", "no smooth curve stays within 0.2 mm of it"),
+        ("the outline turns too sharply near (56.", "no smooth curve stays within 0.2 mm of it"),
     ),
     Trial(
         "a scan with less noise allowed than it has",

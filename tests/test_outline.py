@@ -87,7 +87,7 @@ def blanks(path: Path) -> None:
 def spreadsheet(path: Path) -> None:
     """Numbered, in metres by a line of units, with z constant and an empty last column."""
     rows = [f"{i}\t{x / 1e3:.7f}\t{y / 1e3:.7f}\t0.35\t" for i, (x, y) in enumerate(POINTS)]
-    path.write_text("\n".join(["nr\tpos x\tpos y\tpos z\t", "\tm\tm\tm\t", *rows]))
+    path.write_text("\n".join(["nr\tpos x\ty_coord\tZ value\t", "\tm\tm\tm\t", *rows]))
 
 
 def paraview(path: Path) -> None:
