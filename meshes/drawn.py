@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -27,11 +28,12 @@ EXTENT = (30.0, 500.0)
 STEP = 0.25
 #: Largest turn from one side to the next, degrees.
 MAX_TURN = 30.0
+#: Longest loop of an outline that noise is taken to have made, mm.
+NOISE_LOOP = 5.0
 #: Points of one outline. More are no shape but a cloud, or a file of another kind.
 MAX_POINTS = 50_000
 #: Curves of a drawing that a message lists.
 _LISTED = 6
-_HOW = "curve = 'HANDLE or ID', layer = 'LAYER'"
 #: Units in mm.
 UNITS = {"mm": 1.0, "m": 1000.0, "inch": 25.4, "cm": 10.0, "micrometres": 1e-3}
 
@@ -62,17 +64,15 @@ class Piece:
             return [self.place] * len(self.points)
         return [f"{self.place}, vertex {i}" for i in range(1, len(self.points) + 1)]
 
+    @property
+    def line(self) -> shapely.LineString:
+        """The piece as straight lines."""
+        return shapely.LineString(self.sample() if self.sample else self.points[:, :2])
+
     def dense(self) -> "Piece":
         """Return the same piece with points at most `STEP` apart."""
-        points = self.sample() if self.sample else self.points[:, :2]
-        sides = np.diff(points, axis=0)
-        numbers = np.ceil(np.linalg.norm(sides, axis=1) / STEP).astype(int)
-        parts = [
-            start + side * (np.arange(number) / number)[:, None]
-            for start, side, number in zip(points, sides, numbers, strict=False)
-            if number
-        ]
-        return replace(self, points=np.concatenate([*parts, points[-1:]]), sample=lambda: points)
+        points = shapely.get_coordinates(shapely.segmentize(self.line, STEP))
+        return replace(self, points=points, sample=lambda: points)
 
     def reversed(self) -> "Piece":
         """Return the same piece from its end to its start."""
@@ -109,17 +109,24 @@ class Drawn:
                 f"{path}: has {number} points, more than {MAX_POINTS}; give one outline"
                 " with a point about every millimetre"
             )
+        drawn.check_crossing()
         return drawn
 
-    def crossing(self) -> str:
-        """Return where the outline crosses itself, and what to do; empty where it does not."""
+    def check_crossing(self) -> None:
+        """Raise an InputError where the outline crosses itself other than by noise."""
         crossing = self_crossing(self.points)
         if crossing is None:
-            return ""
-        return (
-            f"{self.place_near(crossing)}: the outline crosses or touches itself near"
-            f" {xy(crossing)}; list its points in order, once around"
-        )
+            return
+        following = np.roll(self.points, -1, axis=0)
+        sides = shapely.linestrings(np.stack([self.points, following], axis=1))
+        meet = np.flatnonzero(shapely.distance(sides, shapely.Point(crossing)) < SAME_POINT)
+        length = np.linalg.norm(following - self.points, axis=1)
+        between = length[meet[0] : meet[-1]].sum() if meet.size else np.inf
+        if min(between, length.sum() - between) > NOISE_LOOP:
+            raise InputError(
+                f"{self.path}, {self.place_near(crossing)}: the outline crosses or touches itself"
+                f" near {xy(crossing)}; list its points in order, once around"
+            )
 
     def corner(self) -> str:
         """Return where the outline has a corner, and what to do; empty where it has none."""
@@ -191,7 +198,7 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, choice: Choice) -> Dr
     pieces = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     groups = _groups(pieces)
     if wrong and not choice.curve:
-        others = f", or choose the outline: {_listed(groups)} ({_HOW})" if groups else ""
+        others = f", or choose the outline ({_how(groups)}): {_listed(groups)}" if groups else ""
         raise InputError(f"{path}, {wrong[0].place}: {wrong[0].problem}{others}")
     if not groups:
         raise InputError(f"{path}: the drawing is empty; draw one closed outline")
@@ -236,7 +243,7 @@ def _chosen(path: Path, groups: Sequence[list[Piece]], choice: Choice) -> list[P
     if len(groups) > 1:
         raise InputError(
             f"{path}: contains {len(groups)} outlines ({_listed(groups)}); keep the inner face"
-            f" only, or choose it ({_HOW})"
+            f" only, or choose it ({_how(groups)})"
         )
     return groups[0]
 
@@ -245,14 +252,21 @@ def _listed(groups: Sequence[Sequence[Piece]]) -> str:
     """Describe the curves of a drawing."""
 
     def words(group: Sequence[Piece]) -> str:
-        length = sum(
-            np.linalg.norm(np.diff(piece.dense().points, axis=0), axis=1).sum() for piece in group
-        )
+        length = sum(piece.line.length for piece in group)
         layer = f" on layer '{group[0].layer}'" if group[0].layer else ""
         return f"{group[0].place}{layer}, {length:.0f} mm{'' if _is_closed(group) else ', open'}"
 
     more = f"; and {len(groups) - _LISTED} more" if len(groups) > _LISTED else ""
     return "; ".join(map(words, groups[:_LISTED])) + more
+
+
+def _how(groups: Sequence[Sequence[Piece]]) -> str:
+    """Return how the first of several curves would be chosen."""
+    first = groups[0][0]
+    layers = {piece.layer for group in groups for piece in group}
+    ways = [f"curve = '{first.name}'"] if first.name else []
+    ways += [f"layer = '{first.layer}'"] if first.layer and len(layers) > 1 else []
+    return f"e.g. {' or '.join(ways)}" if ways else "by an id that you give it"
 
 
 def _ends(pieces: Sequence[Piece]) -> Array:

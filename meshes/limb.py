@@ -15,9 +15,18 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
+from calfsocket.io.files import kind_of
 from calfsocket.io.schema import Strict, nearest, read_json
 from calfsocket.meshes import curves, tags
-from calfsocket.meshes.curves import ClosedCurve, Point, Points, Thickness, at, polar_angle
+from calfsocket.meshes.curves import (
+    Array,
+    ClosedCurve,
+    Point,
+    Points,
+    Thickness,
+    at,
+    polar_angle,
+)
 from calfsocket.meshes.frame import Direction, Frame, View
 
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
@@ -121,7 +130,7 @@ class Region(Strict):
 _REMARKS = ("curve_types", "fat_law", "topology"), (
     "latin", "side", "target_area", "adjacent", "across_fascia",
 )  # fmt: skip
-_SIDE = re.compile(r"(left|right)\b(?:.*\b(above|proximal|below|distal)\b)?.*", re.IGNORECASE)
+_SIDE = re.compile(r"(l|left|r|right)\b(?:.*\b(above|proximal|below|distal)\b)?.*", re.IGNORECASE)
 
 
 class Limb(Strict):
@@ -187,7 +196,7 @@ class Limb(Strict):
             data["remarks"] = tuple(dict.fromkeys(found))
         side = _SIDE.fullmatch(data["side"]) if isinstance(data.get("side"), str) else None
         if side:
-            data["side"] = side[1].lower()
+            data["side"] = "left" if side[1].lower().startswith("l") else "right"
             if side[2]:
                 from_above = side[2].lower() in ("above", "proximal")
                 data.setdefault("seen_from", "above" if from_above else "below")
@@ -225,7 +234,13 @@ class Limb(Strict):
             When the file cannot be read, a key is wrong, or curves touch, cross or are not nested
             as the regions say.
         """
-        return read_json(Path(path), cls)
+        path = Path(path)
+        if kind := kind_of(path):
+            raise InputError(
+                f"{path}: is {kind}; a limb is a JSON file of closed curves in mm and the regions"
+                " between them: see docs/formats/geometry.md"
+            )
+        return read_json(path, cls)
 
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
@@ -318,9 +333,13 @@ class Limb(Strict):
     def notices(self) -> Iterator[str]:
         """Yield what whoever wrote the file should know, a line each; nothing is wrong with it."""
         if not self.frame.known:
+            place = _fibula(self, limb_curves(self))
+            wrong = place is not None and not _can_be_fibula(self.frame, place)
             yield (
                 "no axes are given, so sides are called +x and +y, and angles of sockets count"
-                " from +x counter-clockwise; add e.g. axes = {'+x': 'lateral', '+y': 'anterior'}"
+                " from +x counter-clockwise"
+                + (", which by the fibula is not lateral by anterior" if wrong else "")
+                + "; add e.g. axes = {'+x': 'lateral', '+y': 'anterior'}"
             )
         elif self.side and not self.seen_from and self.frame.view(self.side) == "below":
             yield f"with these axes it is a {self.side} limb seen from below"
@@ -376,22 +395,29 @@ def _check_frame(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
             f"axes: {axes}, which is a {limb.side} limb seen from {frame.view(limb.side)}, not from"
             f" {limb.seen_from}; correct axes, side or seen_from"
         )
-    bones = {
-        name: loops[region.outer]
-        for name in ("tibia", "fibula")
+    if (place := _fibula(limb, loops)) is not None and not _can_be_fibula(frame, place):
+        raise InputError(
+            f"axes: {axes}, so that the fibula would lie {frame.direction(*place)} of the tibia,"
+            " but in every leg it is lateral and further back; correct axes (and side), or mirror"
+            " the curves"
+        )
+
+
+def _fibula(limb: Limb, loops: Mapping[str, ClosedCurve]) -> Array | None:
+    """Return the way from the tibia to the fibula, where the limb has both."""
+    middle = {
+        name: np.mean(loops[region.outer].evaluate(loops[region.outer].sample(1.0)), axis=0)
         for region in limb.regions
+        for name in ("tibia", "fibula")
         if region.tissue == "bone" and name in region.name
     }
-    if len(bones) == 2:
-        tibia, fibula = (np.mean(c.evaluate(c.sample(1.0)), axis=0) for c in bones.values())
-        x, y = fibula - tibia
-        angle = float(frame.angle(fibula - tibia))
-        if FIBULA[0] > angle > FIBULA[1]:
-            raise InputError(
-                f"axes: {axes}, so that the fibula would lie {frame.direction(x, y)} of the tibia,"
-                " but in every leg it is lateral and further back; correct axes (and side), or"
-                " mirror the curves"
-            )
+    return middle["fibula"] - middle["tibia"] if len(middle) == 2 else None
+
+
+def _can_be_fibula(frame: Frame, place: Array) -> bool:
+    first, last = FIBULA
+    angle = float(frame.angle(place))
+    return angle >= first or angle <= last
 
 
 def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:

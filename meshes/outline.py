@@ -84,7 +84,7 @@ def _curve_points(drawn: Drawn, tolerance: float) -> tuple[Array, float]:
     x, y = points.T
     if np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0:
         points = points[::-1]
-    rough = drawn.crossing() or drawn.corner()
+    rough = drawn.corner()
     if not rough and (kept := _thinned(points)) is not None:
         return kept, 0.0
     if len(points) < fairing.FEWEST:
@@ -92,12 +92,10 @@ def _curve_points(drawn: Drawn, tolerance: float) -> tuple[Array, float]:
     smooth, deviation, where = fairing.fair(points, tolerance)
     if deviation <= tolerance:
         return smooth, deviation
-    if drawn.crossing():
-        raise InputError(f"{drawn.path}, {rough}")
     raise InputError(
         f"{drawn.path}, {drawn.place_near(where)}: the outline turns too sharply near {xy(where)}:"
-        f" no smooth curve stays within {tolerance:g} mm of it; round the corner off, add points,"
-        " or set `tolerance`"
+        f" no smooth curve stays within {tolerance:g} mm of it (one is {deviation:.2g} mm off);"
+        " round the corner off, add points, or set `tolerance`"
     )
 
 

@@ -25,7 +25,7 @@ from calfsocket.meshes.drawn import UNITS, Choice, Drawn, check_flat
 _OPENING = 3.0
 #: No outline has larger coordinates, mm, in whatever unit it was drawn.
 _LARGEST = 1e9
-_COMMENTS = ("#", "%", "//")
+_COMMENTS = ("#", "%", "//", "sep=")
 _NUMBER_WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 #: Such as x, X [mm], x_cm, "pos y", and those of ParaView, Points:0.
 _COLUMN = re.compile(
@@ -103,23 +103,27 @@ def _unnamed(path: Path, data: list[_Row]) -> list[int]:
 
 def _named(path: Path, header: list[_Row], data: list[_Row]) -> tuple[list[int], str]:
     """Return the columns of x, y and, if there is one, z; and the unit that the header says."""
-    number, cells = header[0]
-    found = [_COLUMN.fullmatch(cell) for cell in cells]
-    axes = [(m[1] or "xyz"[int(m[2])]).lower() if m else "" for m in found]
-    if "x" not in axes or "y" not in axes:
-        raise InputError(
-            f"{path}, line {number}: {', '.join(cells)!r} is neither a point nor a header; write"
-            " `x, y` or two numbers"
-        )
+    axes: list[str] = []
+    while not {"x", "y"} <= set(axes):  # below a title
+        if not header:
+            raise InputError(f"{path}: names no columns x and y; write a header `x, y`, or none")
+        (number, cells), *header = header
+        found = [_COLUMN.fullmatch(cell) for cell in cells]
+        axes = [(m[1] or "xyz"[int(m[2])]).lower() if m else "" for m in found]
     columns = [axes.index(axis) for axis in "xyz" if axis in axes]
+    for row, values in data:
+        if not max(columns) < len(values) <= len(cells):
+            raise InputError(
+                f"{path}, line {row}: has {len(values)} {'cell' if len(values) == 1 else 'cells'};"
+                f" its header names {len(cells)}"
+            )
     said = {m[3] or m[4] or "" for m in (found[i] for i in columns) if m}
-    for row, units in header[1:]:
-        said = {cell.strip("[]() ") for cell in units}
-        number = row
+    if header:
+        said = {cell.strip("[]() ") for _, units in header for cell in units} - {""}
     for i in (i for i, cell in enumerate(cells) if cell.lower() in ("unit", "units")):
-        said = {row[i] for _, row in data if i < len(row)}
-    unit = min(said, key=len) if len(said) == 1 else ", ".join(sorted(said))
-    unit = {"in": "inch", "um": "micrometres"}.get(unit.lower(), unit.lower())
+        said = {values[i] for _, values in data if i < len(values)}
+    unit = ", ".join(sorted(said)).lower()
+    unit = {"in": "inch", "um": "micrometres"}.get(unit, unit)
     if unit and unit not in UNITS:
         raise InputError(
             f"{path}, line {number}: unit {unit!r}; give coordinates in mm, or in one of"
@@ -130,11 +134,6 @@ def _named(path: Path, header: list[_Row], data: list[_Row]) -> tuple[list[int],
 
 def _point(path: Path, row: _Row, columns: list[int]) -> list[float]:
     number, cells = row
-    if len(cells) <= max(columns):
-        raise InputError(
-            f"{path}, line {number}: has {len(cells)} {'cell' if len(cells) == 1 else 'cells'};"
-            f" its header names {max(columns) + 1}"
-        )
     point = [0.0, 0.0, 0.0]
     for i, column in enumerate(columns):
         value = _number(cells[column])

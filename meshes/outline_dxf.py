@@ -18,8 +18,9 @@ import numpy as np
 from ezdxf import path as dxf_path
 from ezdxf import recover, units
 from ezdxf.document import Drawing
-from ezdxf.entities import DXFEntity
+from ezdxf.entities import DXFEntity, Spline
 from ezdxf.math import Matrix44
+from scipy.interpolate import BSpline
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable
@@ -70,10 +71,10 @@ def _document(path: Path) -> Drawing:
     # The parser has many ways to fail on files that are wrong, or of other kinds.
     with suppress(Exception):
         return ezdxf.readfile(path)
-    mended = _BLANK_HANDLE.sub(b"", content.removeprefix(codecs.BOM_UTF8))
+    mended = _BLANK_HANDLE.sub(b"", content.removeprefix(codecs.BOM_UTF8).strip()) + b"\n"
     end = mended.split()[-1:]
     if end == [b"ENDSEC"]:
-        mended = mended.rstrip() + b"\n0\nEOF\n"
+        mended += b"0\nEOF\n"
     elif end != [b"EOF"]:  # maybe in the middle of the outline
         raise InputError(
             f"{path}: is not a readable DXF drawing, or was cut short; export it again"
@@ -124,6 +125,8 @@ def _piece(entity: DXFEntity, handle: str, number: int, scale: float) -> Piece:
         )
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused
+            if isinstance(entity, Spline):
+                _clamp(entity)
             curve = dxf_path.make_path(entity, segments=_ARC_PIECES, level=_SPLINE_LEVEL)
             curve = curve.transform(Matrix44.scale(scale))
         control = np.array([tuple(point) for point in curve.control_vertices()]).reshape(-1, 3)
@@ -136,3 +139,24 @@ def _piece(entity: DXFEntity, handle: str, number: int, scale: float) -> Piece:
         return np.array([(point.x, point.y) for point in curve.flattening(_FLATNESS)])
 
     return replace(nothing, points=control, sample=sample if curve.has_curves else None)
+
+
+def _clamp(spline: Spline) -> None:
+    """Let a periodic spline begin and end at control points, without which it is not read right."""
+    degree, number = spline.dxf.degree, len(spline.control_points)
+    knots = np.array(spline.knots)
+    if len(knots) != number + degree + 1 or knots[0] == knots[degree]:
+        return
+    weights = np.array(spline.weights or [1.0] * number)[:, None]
+    # In homogeneous coordinates a knot that is added does not change the curve.
+    control = np.hstack([np.array(spline.control_points) * weights, weights])
+    curve = BSpline(knots, control, degree)
+    ends = knots[degree], knots[number]
+    for end in ends:
+        for _ in range(degree + 1 - np.count_nonzero(knots == end)):
+            curve = curve.insert_knot(end)
+    inside = np.flatnonzero((curve.t >= ends[0]) & (curve.t <= ends[1]))
+    control = curve.c[inside[0] :][: len(inside) - degree - 1]
+    spline.knots = list(curve.t[inside])
+    spline.control_points = control[:, :3] / control[:, 3:]
+    spline.weights = list(control[:, 3])

@@ -88,6 +88,7 @@ class Socket(Strict):
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
 
     _remedy: ClassVar[str] = "use smaller or wider bumps"  # where a face crosses itself
+    tighter: ClassVar[str] = ""  #: what makes it smaller
 
     @staticmethod
     def reference(name: str) -> "AnySocket":
@@ -210,6 +211,8 @@ class NormalOffset(Socket):
         Gaussians of the anatomical angle that are added.
     """
 
+    tighter: ClassVar[str] = "make it smaller by a larger `base`"
+
     law: Literal["normal_offset"] = "normal_offset"
     base: Offset
     bumps: tuple[Bump, ...] = ()
@@ -241,6 +244,8 @@ class CircleBlend(Socket):
     bumps : tuple of Bump
         Gaussians of the anatomical angle that are taken off.
     """
+
+    tighter: ClassVar[str] = "make it smaller by a larger `area_reduction`"
 
     law: Literal["circle_blend"] = "circle_blend"
     area_reduction: AreaReduction
@@ -324,6 +329,7 @@ class Outline(Socket):
     rotation: Angle = 0.0
 
     _remedy: ClassVar[str] = "correct its points"
+    tighter: ClassVar[str] = "make it smaller by another drawing"
 
     def notices(self) -> Iterator[str]:
         """Yield how far the curve is from an outline that was smoothed."""

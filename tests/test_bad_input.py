@@ -11,6 +11,7 @@ import pytest
 
 import reliability
 from calfsocket import cli
+from calfsocket.meshes.limb import Limb
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.study.record import Recorder
 from calfsocket.study.study import Study
@@ -97,6 +98,26 @@ def a_material_with_a_wrong_unit(folder: Path) -> Sequence[str]:
 def an_outline_that_is_not_a_drawing(folder: Path) -> Sequence[str]:
     (folder / "inner.pdf").write_text("%PDF")
     return written(folder, socket('outline = "inner.pdf"'))
+
+
+def a_limb_that_is_a_scan(folder: Path) -> Sequence[str]:
+    (folder / "limb.stl").write_bytes(b"\0" * 84)
+    return written(folder, edited("[study]", '[study]\nlimb = "limb.stl"'))
+
+
+def an_outline_on_a_page(folder: Path) -> Sequence[str]:
+    (folder / "inner.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="210mm" viewBox="0 0 210 297">'
+        '<circle cx="105" cy="148.5" r="54"/></svg>'
+    )
+    return written(folder, socket('outline = "inner.svg"'))
+
+
+def a_socket_as_large_as_the_limb(folder: Path) -> Sequence[str]:
+    skin = Limb.reference().skin
+    rows = [f"{x:.3f}, {y:.3f}\n" for x, y in skin.evaluate(skin.sample(3.0))]
+    (folder / "inner.csv").write_text("x, y\n" + "".join(rows))
+    return written(folder, socket('outline = "inner.csv"\nshift = ["3 mm", "0 mm"]'))
 
 
 def a_broken_run(folder: Path) -> Sequence[str]:
@@ -278,6 +299,11 @@ TRIALS = (
           ("sockets.mine.bumps.0.width: is missing",)),
     Trial("an outline that is not there", socket('outline = "no.csv"'), ("no.csv", "No such")),
     Trial("an outline as PDF", an_outline_that_is_not_a_drawing, ("inner.pdf", ".csv")),
+    Trial("a limb as STL", a_limb_that_is_a_scan, ("limb.stl: is a surface mesh (STL)",)),
+    Trial("an outline on a page of A4", an_outline_on_a_page,
+          ("sockets.mine: lies beside the limb", "shift = ['-105 mm', '148.5 mm'] centres it")),
+    Trial("a socket as large as the limb", a_socket_as_large_as_the_limb,
+          ("sockets.mine: is not smaller than the limb (area lost 0.00 %)", "only moves away")),
     Trial("a socket larger than the limb", socket('law = "normal_offset"\nbase = "-2 mm"'),
           ("sockets.mine", "does not press on the limb")),
     # Materials

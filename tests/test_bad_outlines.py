@@ -141,8 +141,12 @@ TRIALS = (
     Trial("a CSV of comments", ("a.csv", "# x, y\n\n"), ("is empty",)),
     Trial("a picture called CSV", ("a.csv", b"\x89PNG\r\n\x1a\n\0\0"), ("is not UTF-8 text",)),
     Trial("a CSV in Latin-1", ("a.csv", "# B\xf6schung\n".encode("latin-1")), ("not UTF-8",)),
-    Trial("prose", ("a.csv", "Dear socket,\nhello"), ("line 1", "is neither a point nor a header")),
-    Trial("other columns", ("a.csv", "x, z\n1, 2\n"), ("line 1: 'x, z'", "write `x, y`")),
+    Trial("prose", ("a.csv", "Dear socket,\nhello"), ("names no columns x and y; write a header",)),
+    Trial(
+        "other columns",
+        ("a.csv", "x, z\n1, 2\n"),
+        ("names no columns x and y; write a header `x, y`",),
+    ),
     Trial("a CSV in UTF-16", ("a.csv", "x, y\n".encode("utf-16")), ("is UTF-16 text; save it",)),
     Trial(
         "millimetres called cm",
@@ -170,6 +174,11 @@ TRIALS = (
         "a row that breaks off",
         ("a.csv", f"nr; x; y\n{numbered(';')}91;5\n"),
         ("line 92: has 2 cells; its header names 3",),
+    ),
+    Trial(
+        "decimal commas in quotes between commas",
+        ("a.csv", "x,y\n" + "".join(f'"{x:.1f}","{y:.1f}"\n'.replace(".", ",") for x, y in CIRCLE)),
+        ("line 2: has 4 cells; its header names 2",),
     ),
     Trial(
         "a cut that is not flat",
@@ -248,7 +257,7 @@ TRIALS = (
     Trial(
         "a scan with a step where it closes",
         ("a.csv", rows(STEPPED)),
-        ("the outline turns too sharply near (55.", "no smooth curve stays within 0.2 mm of it"),
+        ("the outline turns too sharply near (56.", "no smooth curve stays within 0.2 mm of it"),
     ),
     Trial(
         "a scan with less noise allowed than it has",

@@ -310,6 +310,37 @@ def test_what_is_not_proper_json_is_refused(tmp_path: Path, text: str, expected:
         Limb.read(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("limb.stl", "a surface mesh (STL)"),
+        ("LIMB.PLY", "a surface mesh (PLY)"),
+        ("limb.nii.gz", "a volume image (NII.GZ)"),
+        ("limb.png", "a picture (PNG)"),
+        ("limb.step", "a CAD model (STEP)"),
+        ("limb.csv", "a table (CSV)"),
+    ],
+)
+def test_what_is_no_limb_is_called_what_it_is(tmp_path: Path, name: str, kind: str) -> None:
+    (tmp_path / name).write_bytes(b"solid \x00\xff")
+    with pytest.raises(InputError) as caught:
+        Limb.read(tmp_path / name)
+    assert f"{name}: is {kind}; a limb is a JSON file of closed curves in mm" in str(caught.value)
+
+
+def test_a_byte_order_mark_is_dropped_and_utf_16_is_named(tmp_path: Path) -> None:
+    text = (FOLDER / "calf.json").read_text(encoding="utf-8")
+    path = tmp_path / "limb.json"
+    path.write_text(text, encoding="utf-8-sig")
+    assert Limb.read(path) == Limb.reference()
+    path.write_text(text, encoding="utf-16")
+    with pytest.raises(InputError, match=r"limb\.json: is UTF-16 text; save it as UTF-8"):
+        Limb.read(path)
+    toml = tmp_path / "socket.toml"
+    toml.write_text('like = "TC"\n', encoding="utf-8-sig")
+    assert Socket.read(toml) == Socket.reference("TC").model_copy(update={"name": "socket"})
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.json: cannot be read \(No such file"):
         Limb.read(tmp_path / "nowhere.json")

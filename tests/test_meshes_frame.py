@@ -106,6 +106,7 @@ def test_a_left_leg_is_meshed_with_the_same_areas(tmp_path: Path) -> None:
     [
         ("right leg seen from above (proximal)", "right", "above"),
         ("Right, distal view", "right", "below"),
+        ("L", "left", None),
         ("right", "right", None),
         ("unknown", None, None),
         ("", None, None),
@@ -154,6 +155,19 @@ def test_what_is_not_used_of_a_limb_is_named() -> None:
     ]
     assert Limb(**limb.model_dump()) == limb
     assert not list(LIMB.notices())
+
+
+def test_a_limb_without_axes_is_told_where_its_fibula_shows_that_bumps_go_astray() -> None:
+    content = moved_calf(*MIRRORED)
+    del content["axes"]
+    (notice,) = Limb(**content).notices()
+    assert (
+        "from +x counter-clockwise, which by the fibula is not lateral by anterior; add" in notice
+    )
+    content = calf_content()
+    del content["axes"]
+    (notice,) = Limb(**content).notices()
+    assert "from +x counter-clockwise; add" in notice
 
 
 def test_a_limb_seen_from_below_is_told() -> None:

@@ -138,7 +138,9 @@ class Simulation:
         InputError
             If it cannot be put on: one line that names the socket and the place.
         """
-        return self._placement or check_placement(self.socket, self.limb, self.socket.name)
+        return self._placement or check_placement(
+            self.socket, self.limb, self.socket.name, floating=self.support == "floating"
+        )
 
     @property
     def inputs(self) -> dict[str, Any]:

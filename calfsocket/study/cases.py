@@ -13,6 +13,7 @@ from mpi4py import MPI
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
+from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.socket import AnySocket, resolved
@@ -163,7 +164,7 @@ class Planner:
         self._path, self._content, self._files = path, content, files
         self._limb, self._reference = limb, reference
         self._documents: dict[str, Document] = {}
-        self._placements: dict[AnySocket, Placement] = {}
+        self._placements: dict[tuple[AnySocket, bool], Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
         with error_context(path):
@@ -326,7 +327,7 @@ class Planner:
             document=document,
             of=(asked.socket, asked.materials),
             changes=dict(changes),
-            placement=self._placement(socket, asked.socket),
+            placement=self._placement(socket, asked.socket, document.model.socket_support),
         )
 
     def _materials(self, document: Document, name: str) -> MaterialSet:
@@ -339,13 +340,14 @@ class Planner:
         with error_context(self._path, f"materials.{name}"):
             return paper.replace_known(laws, self._limb.tissues)
 
-    def _placement(self, socket: AnySocket, name: str) -> Placement:
+    def _placement(self, socket: AnySocket, name: str, support: SocketSupport) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""
-        shape = socket.model_copy(update={"name": ""})
-        if shape not in self._placements:
+        floating = support == "floating"
+        key = socket.model_copy(update={"name": ""}), floating
+        if key not in self._placements:
             with error_context(self._path, f"sockets.{name}"):
-                self._placements[shape] = check_placement(shape, self._limb)
-        return self._placements[shape]
+                self._placements[key] = check_placement(socket, self._limb, floating=floating)
+        return self._placements[key]
 
     def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:
         """Refuse two cases with one folder, also where capitals make no difference."""
