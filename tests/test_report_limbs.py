@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from other_limbs import FOREARM, STUMP, THIGH, study_of
 from report_text import Report, written
@@ -225,6 +226,20 @@ def test_one_of_its_sockets_has_no_order(tmp_path):
         report, "the socket was shaped by hand.", "What a prosthetic socket does inside a calf"
     )
     assert "order of the sockets" not in report.text
+
+
+@pytest.mark.parametrize(("name", "other"), [("separate", "Combined"), ("combined", "Separate")])
+def test_one_of_its_material_sets_has_a_report(name, other, tmp_path):
+    """Its run.json has the laws of that set alone."""
+    results = results_of(limb_study([key for key in ALL if key[1] == name]), folder=tmp_path)
+    results.run = results.run.model_copy(update={"laws": {name: results.run.laws[name]}})
+    report = written(results)
+    assert f"needs the {other} set, which is not in this study" in report.text
+    table = pd.read_csv(tmp_path / "tables" / "table1.csv")
+    own = {"muscle", "fascia"} if name == "separate" else {"muscle and fascia, combined"}
+    common = {"skin", "fat", "vessel", "bone", "socket"}
+    assert set(table.material) == own | common and table.ours.notna().all()
+    assert other not in "".join(report.answer.values())
 
 
 def test_the_words_that_are_missed_are_in_the_papers_report(six_runs):

@@ -36,6 +36,13 @@ class NotChecked(Exception):
     """A claim cannot be checked; the text says what is missing."""
 
 
+class _OfSets(dict[str, Any]):
+    """Something of each material set; a claim on a set that a study lacks cannot be checked."""
+
+    def __missing__(self, name: str) -> Any:
+        raise NotChecked(f"needs the {material_set(name)} set, which is not in this study")
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence(Findings):
     """Findings of the paper's cases alone, and what is computed for more than one claim."""
@@ -48,10 +55,10 @@ class Evidence(Findings):
     @cached_property
     def parameters(self) -> comparison.Laws:
         """Material set -> tissue -> kind of law and parameters, MPa."""
-        return {
-            name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
+        return _OfSets(
+            (name, {tissue: law.model_dump(mode="json") for tissue, law in laws.items()})
             for name, laws in inputs.laws(self.results).items()
-        }
+        )
 
     @property
     def run(self) -> StudyRecord:

@@ -119,7 +119,7 @@ def guest(findings: Findings) -> Guest | None:
     else:
         values["calibrated"] = found.record.inputs
         drawn["calibration"] = found.figure
-        shown["calibration"] = calibration.table(found, evidence.parameters["separate"])
+        shown["calibration"] = calibration.table(found, evidence.parameters.get("separate", {}))
     return Guest(PACKAGE, "paper.html", shown, drawn, NUMBERS, warnings, values)
 
 

@@ -12,7 +12,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from scipy.spatial import cKDTree
 
 from calfsocket.io.files import replacing
@@ -60,11 +59,7 @@ def _draw_legend(figure: Figure, stress: ScalarMappable, fields: SectionFields) 
     handles = [
         pressure_band.key("contact pressure on the skin"),
         Line2D([], [], **pressure_band.LEVEL_LINE, label=f"lines every {PRESSURE_STEP_KPA:g} kPa"),
-        *(
-            Patch(color=colour, label=tissue)
-            for tissue, colour in (("bone", drawing.BONE), ("socket", drawing.SOCKET))
-            if len(fields.cells_of(tissue))
-        ),
+        *drawing.key(fields, bone=drawing.BONE, socket=drawing.SOCKET),
     ]
     figure.legend(
         handles=handles,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pyvista
 from matplotlib.axes import Axes
-from matplotlib.patches import PathPatch
+from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
@@ -82,6 +82,15 @@ def draw_tissue(
     cells = fields.cells_of(tissue)
     if len(cells):
         draw_path(axes, boundary(fields.cells[cells], points), **{"linewidth": 0, **style})
+
+
+def key(fields: SectionFields, **colours: str) -> list[Patch]:
+    """Return the handles of a legend for those of some tissues that the section has."""
+    return [
+        Patch(color=colour, label=tissue)
+        for tissue, colour in colours.items()
+        if len(fields.cells_of(tissue))
+    ]
 
 
 def draw_outlines(

@@ -67,6 +67,8 @@ def parameters(e: Evidence, of: str) -> Fact:
     """Return the relative deviations of a material's parameters from Table 1."""
     rows = comparison.materials(e.parameters)
     rows = rows[rows.material == of]
+    if rows.empty:
+        raise NotChecked("needs another material set, which is not in this study")
     off = ((rows.ours - rows.paper) / rows.paper).abs()
     ours = [f"{r.symbol} {r.ours:.4g} {r.unit}".rstrip() for r in rows.itertuples()]
     chosen = [f"{r.symbol} is {r.ours:.4g} {r.unit}" for r in rows[~(off <= SAME)].itertuples()]

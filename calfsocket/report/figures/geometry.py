@@ -140,10 +140,8 @@ def overlays(findings: Findings) -> Figure:
 
     titles, limb = findings.socket_titles, findings.frame
     figure = panels(titles, [""], window, draw, limb, key=18.0, below=4.0)
-    areas = [Patch(color=LIMB, label="limb")]
-    if "bone" in findings.tissues:
-        areas.append(Patch(color=BONE_DARK, label="bone"))
-    areas.append(Patch(color=drawing.SOCKET, label="socket"))
+    tissues = drawing.key(findings.fields, bone=BONE_DARK, socket=drawing.SOCKET)
+    areas = [Patch(color=LIMB, label="limb"), *tissues]
     if findings.areas.overlap.any():
         areas.append(Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"))
     legend_at(figure, 3.0, 6.0, areas)

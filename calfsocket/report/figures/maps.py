@@ -115,10 +115,6 @@ def _draw_key(figure: Figure, what: Map, findings: Findings) -> None:
     beyond = f"beyond ±{what.high:g} %" if both else f"above {what.high:g} kPa"
     areas = [
         Patch(color=what.beyond, label=beyond),
-        *(
-            Patch(color=colour, label=tissue)
-            for tissue, colour in (("bone", drawing.BONE), ("socket", drawing.SOCKET))
-            if tissue in findings.tissues
-        ),
+        *drawing.key(findings.fields, bone=drawing.BONE, socket=drawing.SOCKET),
     ]
     legend_at(figure, 78.0, 2.0, areas)

@@ -65,9 +65,8 @@ def contact_pressure(findings: Findings) -> Figure:
         )  # fmt: skip
 
     figure = case_panels(findings, window, draw)
-    rest: list[Artist] = [Patch(color=LIMB, label="limb")]
-    if "bone" in findings.tissues:
-        rest.append(Patch(color=BONE_DARK, label="bone"))
+    bone = drawing.key(findings.fields, bone=BONE_DARK)
+    rest: list[Artist] = [Patch(color=LIMB, label="limb"), *bone]
     if highest:
         label = f"largest running mean over {RUNNING_MEAN_MM:g} mm"
         rest.insert(0, Line2D([], [], **PEAK, label=label))
