@@ -75,6 +75,9 @@ def listing(path: Path, plan: "Plan") -> str:
             f"  {case.name:{width}}  {100 * on.area_reduction:7.2f} %  {100 * on.touching:6.0f} %  "
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
+    lines += [f"  {notice}" for notice in plan.notices]
+    if plan.unused:
+        lines.append(f"  not used: {', '.join(plan.unused)}")
     return "\n".join(lines) + "\n"
 
 

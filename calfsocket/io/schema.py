@@ -21,10 +21,20 @@ MAX_BYTES = 10_000_000
 MAX_TOML_BYTES = 50_000
 
 
+def misspelt(key: str, allowed: Collection[str]) -> str | None:
+    """Return the name that a key most likely means, if it is really near to one.
+
+    "fricton" is near to "friction", and "fad" to "fat"; "loads" means something else than "laws".
+    """
+    # One letter of three is a third of a name; two of five are a slip no more.
+    alike = 0.75 if len(key) > 4 else 0.6
+    return next(iter(difflib.get_close_matches(key, allowed, n=1, cutoff=alike)), None)
+
+
 def nearest(key: str, allowed: Collection[str]) -> str:
     """Return "did you mean ...?" when a name is likely misspelt, else the names allowed."""
-    close = difflib.get_close_matches(key, allowed, n=1)
-    return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(sorted(allowed))}"
+    near = misspelt(key, allowed)
+    return f"did you mean '{near}'?" if near else f"allowed: {', '.join(sorted(allowed))}"
 
 
 class Strict(BaseModel):

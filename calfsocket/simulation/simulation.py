@@ -142,7 +142,9 @@ class Simulation:
         InputError
             If it cannot be put on: one line that names the socket and the place.
         """
-        return self._placement or check_placement(self.socket, self.limb, self.socket.name)
+        return self._placement or check_placement(
+            self.socket, self.limb, self.socket.name, floating=self.support == "floating"
+        )
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -269,6 +271,7 @@ class Simulation:
             material_set=self.materials.name,
             of=(self.socket.name, self.materials.name),
             base_set=self.materials.base,
+            axes=self.limb.axes,
             status="failed" if failure else "solved",
             message=failure,
             ranks=self.comm.size,
