@@ -18,6 +18,7 @@ LOOP = "1, 0\n1.1, 1\n1.2, 3\n1.1, 0.6\n1, 0\n"
 TRIALS = (
     Trial("an empty data file", "", ("data.csv: contains no data",)),
     Trial("a header alone", f"# only a comment\n{KPA}", ("data.csv: contains no data",)),
+    Trial("names and units alone", "Stretch;Stress\n-;kPa\n", ("data.csv: contains no data",)),
     Trial("no header", GOOD,
           ("has no header", "one of stretch, strain", "e.g. stretch, engineering_stress")),
     Trial("no header, semicolons", "1,00;0,00\n1,05;0,31\n", ("has no header",)),

@@ -1,6 +1,7 @@
 """Why a load step failed: every cause made to happen, named with its place, and in order."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +12,7 @@ from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import ConvergenceError
+from calfsocket.materials import material_set
 from calfsocket.materials.laws import Hencky, Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics import diagnosis
@@ -19,6 +21,7 @@ from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.newton import NewtonResult
 from calfsocket.mechanics.problem import Site
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
+from calfsocket.meshes.placement import check_placement
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.meshes.socket import NormalOffset, Outline, Socket
 from calfsocket.simulation.simulation import Simulation
@@ -52,6 +55,8 @@ def fails(socket: Socket, laws: dict, support: str = "floating") -> str:
         support=support,
         steps=LoadSteps(smallest=0.05, extrapolate=False),
         comm=MPI.COMM_SELF,
+        # Also of a socket that would be refused, for it only moves away.
+        placement=check_placement(socket, tiny_limb(), floating=False),
     )
     with pytest.raises(ConvergenceError) as caught:
         simulation.solve()
@@ -113,6 +118,14 @@ FAILURES = {
         "take smaller load steps",
     ),
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unstable_laws() -> Iterator[None]:
+    """Let laws be used that lose stability at small strain: with them, a solution surely fails."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(material_set, "refusal", lambda law: "")
+        yield
 
 
 @pytest.mark.parametrize("cause", FAILURES)

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from calfsocket import cli
+from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
 from calfsocket.materials.law import Law, PositiveStress, deviatoric
 from calfsocket.materials.laws import Ogden, Yeoh, material_law
@@ -18,7 +19,7 @@ from calfsocket.materials.warnings import warnings as law_warnings
 from calfsocket.study.study import Study
 
 STUDY = '[study]\nsockets = ["TSB"]\nmaterials = ["mine"]\n[materials.mine]\nfat = {{ {} }}\n'
-UNSTABLE = 'law = "ogden", mu = ["-15.7 kPa", "17 kPa"], alpha = [-3.3, 5.1], nu = 0.495'
+SOFTENS = 'law = "ogden", mu = ["-14.0 kPa", "17 kPa"], alpha = [-3.3, 5.1], nu = 0.495'
 OTHER_FORM = (
     'law = "ogden", mu = ["6.3 kPa", "0.012 kPa", "-0.1 kPa"], alpha = [1.3, 5.0, -2.0], nu = 0.495'
 )
@@ -35,17 +36,33 @@ def checked(folder: Path, law: str, capsys: pytest.CaptureFixture[str]) -> list[
 
 
 def test_check_names_law_deformation_and_stretch(tmp_path, capsys):
-    stability, form = checked(tmp_path, UNSTABLE, capsys)
+    stability, form = checked(tmp_path, SOFTENS, capsys)
     assert stability.startswith(
         "warning: materials.mine.fat: loses stability (Drucker) in uniaxial"
     )
-    assert "planar tests below stretch 0.984 and above stretch 1.02" in stability
+    assert "planar tests below stretch 0.96 and above stretch 1.04" in stability
     assert "load steps may fail" in stability
     # Its moduli are those of a stable law in the other form.
-    assert '69.25 kPa with form = "textbook"' in form
-    assert checked(tmp_path, UNSTABLE + ', form = "textbook"', capsys) == []
-    (alone,) = checked(tmp_path, UNSTABLE + ', form = "abaqus"', capsys)
+    assert '66.45 kPa with form = "textbook"' in form
+    assert checked(tmp_path, SOFTENS + ', form = "textbook"', capsys) == []
+    (alone,) = checked(tmp_path, SOFTENS + ', form = "abaqus"', capsys)
     assert alone == stability
+
+
+def test_what_is_unstable_at_small_strain_is_refused(tmp_path, capsys):
+    """Its initial modulus is 1.3 kPa, but 2 % of strain are too much for it."""
+    law = SOFTENS.replace("-14.0", "-15.7")
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.format(law))
+    assert cli.main(["check", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "fat: loses stability (Drucker) at small strain, in uniaxial tests below" in line
+    assert '69.25 kPa with form = "textbook"' in line and "write the form" in line
+    with pytest.raises(InputError, match=r"soleus: loses .* at small strain"):
+        MaterialSet.paper("separate").replace(
+            soleus=Ogden(mu=(-15.7e-3, 17e-3), alpha=(-3.3, 5.1), nu=0.495, form="abaqus")
+        )
+    assert checked(tmp_path, law + ', form = "textbook"', capsys) == []
 
 
 # By hand: 6.3 + 0.012 - 0.1 kPa; (6.3 x 1.3 + 0.012 x 5 + 0.1 x 2)/2 kPa.
@@ -76,7 +93,7 @@ def test_no_law_of_the_paper_is_doubted(base, form):
 
 
 def test_python_warns_where_the_set_is_made():
-    law = Ogden(mu=(-15.7e-3, 17e-3), alpha=(-3.3, 5.1), nu=0.495, form="abaqus")
+    law = Ogden(mu=(-14e-3, 17e-3), alpha=(-3.3, 5.1), nu=0.495, form="abaqus")
     paper = MaterialSet.paper("separate")
     with pytest.warns(MaterialWarning, match="material set separate: fat: loses stability"):
         changed = paper.replace(fat=law)
@@ -87,7 +104,7 @@ def test_python_warns_where_the_set_is_made():
 
 def test_a_study_says_it_once(tmp_path):
     path = tmp_path / "study.toml"
-    path.write_text(STUDY.format(UNSTABLE).replace('"TSB"', '"TSB", "HS"'))
+    path.write_text(STUDY.format(SOFTENS).replace('"TSB"', '"TSB", "HS"'))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(Study.read(path).plan.warnings) == 2

@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from io import StringIO
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pandas as pd
@@ -83,8 +84,7 @@ class Columns:
         # Machines may write about the test first.
         start = next((i for i, (_, line) in enumerate(numbered[:FIRST]) if self._heads(line)), 0)
         self.lines = [number for number, _ in numbered[start + 1 :]]
-        if not self.lines:
-            raise self.wrong("contains no data; give a header and rows of numbers")
+        self._check_data()
         table = self._table([line for _, line in numbered[start:]])
         header, rows = self._parts(table)
         columns = [self._column(cell) for cell in header]
@@ -92,12 +92,17 @@ class Columns:
             units = [cell.strip("[]() ") for cell in rows.iloc[0, : len(header)]]
             columns = [(name, unit) for (name, _), unit in zip(columns, units, strict=True)]
             rows, self.lines = rows.iloc[1:], self.lines[1:]
+            self._check_data()
         self._check_names([name for name, _ in columns if name], header)
         self.units = {name: unit for name, unit in columns if name}
         self.unused = tuple(
             cell for cell, (name, _) in zip(header, columns, strict=True) if cell and not name
         )
         self._cells = {name: rows[i].str.strip() for i, (name, _) in enumerate(columns) if name}
+
+    def _check_data(self) -> None:
+        if not self.lines:
+            raise self.wrong("contains no data; give a header and rows of numbers")
 
     def _heads(self, line: str) -> bool:
         """Whether a line names the columns that are needed."""
@@ -112,18 +117,20 @@ class Columns:
         if most > MOST_COLUMNS:
             raise self.wrong(f"has {most} columns; up to {MOST_COLUMNS} are read")
         try:
-            table = pd.read_csv(
-                StringIO("\n".join([_joined(lines[0]), *lines[1:]])),
-                sep=separator or r"\s+",
-                engine="python",
-                header=None,
-                names=range(most),
-                index_col=False,
-                dtype=str,
-                na_filter=False,
-                skipinitialspace=True,
-            )
-        except ValueError as error:  # pandas' own errors, too
+            with catch_warnings():
+                simplefilter("error", pd.errors.ParserWarning)
+                table = pd.read_csv(
+                    StringIO("\n".join([_joined(lines[0]), *lines[1:]])),
+                    sep=separator or r"\s+",
+                    engine="python",
+                    header=None,
+                    names=range(most),
+                    index_col=False,
+                    dtype=str,
+                    na_filter=False,
+                    skipinitialspace=True,
+                )
+        except (ValueError, pd.errors.ParserWarning) as error:  # pandas' own errors, too
             raise self.wrong(f"is not a table ({error}); check the quotation marks") from None
         if len(table) != len(lines):
             raise self.wrong("a quotation mark is not closed; remove it, or close it in its line")

@@ -12,7 +12,7 @@ from calfsocket.io.schema import nearest
 from calfsocket.materials import tissues
 from calfsocket.materials.laws import Law, Ogden, OgdenForm, Yeoh
 from calfsocket.materials.tissues import FasciaC10
-from calfsocket.materials.warnings import MaterialWarning
+from calfsocket.materials.warnings import MaterialWarning, refusal
 from calfsocket.materials.warnings import warnings as law_warnings
 from calfsocket.meshes.limb import Limb
 
@@ -42,8 +42,8 @@ class MaterialSet:
     Raises
     ------
     InputError
-        When a tissue's law is missing, there is no such tissue, or every soft tissue is
-        incompressible.
+        When a tissue's law is missing, there is no such tissue, every soft tissue is
+        incompressible, or a law loses stability at small strain.
 
     Warns
     -----
@@ -82,6 +82,9 @@ class MaterialSet:
                 "every soft tissue is incompressible, but the socket reduces the limb's area; "
                 "give at least one tissue nu < 0.5 or d1 > 0"
             )
+        for name, law in {**self.laws, **self.regions}.items():
+            if text := refusal(law):
+                raise InputError(f"material set {self.name}: {name}: {text}")
         for name, text in self.warnings:
             warn(f"material set {self.name}: {name}: {text}", MaterialWarning, stacklevel=3)
 

@@ -30,6 +30,9 @@ SOCKET_STRETCHES = (0.5, 2.0)
 """Stretches that a socket may impose on soft tissue, generously: the largest principal logarithmic
 strain of the paper's Table 4 is 0.495, a stretch of 1.64."""
 
+SMALL = (0.98, 1.02)
+"""Stretches of small strain: what loses stability between them has no use as a tissue."""
+
 MODES: tuple[Mode, ...] = ("uniaxial", "equibiaxial", "planar")
 """Deformations that are scanned; simple shear has the principal stretches of the planar one, which
 is also that of a limb's section, in plane strain."""
@@ -95,6 +98,15 @@ def instability(law: Law) -> str:
         f"loses stability (Drucker) in {where}; sockets strain soft tissue to stretches between "
         f"{low:g} and {high:g}, so that load steps may fail there; check its parameters"
     )
+
+
+def unstable_at_small_strain(law: Law) -> str:
+    """Say where a law loses stability within `SMALL`; empty where it does not."""
+    ranges = [r for r in stable_ranges(law) if not r.holds(SMALL)]
+    if not ranges:
+        return ""
+    where = "; in ".join(r.words for r in ranges)
+    return f"loses stability (Drucker) at small strain, in {where}: no limb can be solved with it"
 
 
 def tangents(law: Law, mode: Mode, stretch: ArrayLike) -> Array:

@@ -3,7 +3,7 @@
 from calfsocket.materials.law import readable
 from calfsocket.materials.laws import Law, Ogden
 from calfsocket.materials.ogden import ALPHA_MAX
-from calfsocket.materials.stability import instability
+from calfsocket.materials.stability import instability, unstable_at_small_strain
 
 
 class MaterialWarning(UserWarning):
@@ -16,6 +16,16 @@ def warnings(law: Law) -> list[str]:
     if isinstance(law, Ogden):
         found += [law.doubt, _steep(law)]
     return [text for text in found if text]
+
+
+def refusal(law: Law) -> str:
+    """Say why no limb can be solved with a law; empty where one can."""
+    text = unstable_at_small_strain(law)
+    if not text:
+        return ""
+    # Constants of another form are the usual reason.
+    doubt = law.doubt if isinstance(law, Ogden) else ""
+    return f"{text}; {doubt or 'check its parameters'}"
 
 
 def _steep(law: Ogden) -> str:
