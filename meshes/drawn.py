@@ -3,17 +3,21 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 import shapely
+from pydantic import Field
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import nearest
+from calfsocket.io.quantity import Written
+from calfsocket.io.schema import Strict, nearest
+from calfsocket.io.units import LENGTH
 from calfsocket.meshes.curves import SAME_POINT, Array, self_crossing, xy
+from calfsocket.meshes.fairing import TOLERANCE
 
 #: Pieces are joined where their ends are at most this far apart, mm.
 JOINT = 0.01
@@ -38,12 +42,20 @@ _LISTED = 6
 UNITS = {"mm": 1.0, "m": 1000.0, "inch": 25.4, "cm": 10.0, "micrometres": 1e-3}
 
 
-@dataclass(frozen=True)
-class Choice:
-    """Which curve of a drawing is meant where it has several."""
+class OutlineFile(Strict):
+    """How an outline is read from a file.
 
+    Attributes
+    ----------
+    tolerance : float
+        How far the curve may be from an outline that is too rough to be taken as it is, mm.
+    layer, curve : str, optional
+        Which curve of a drawing is meant: its layer, its handle (DXF) or id (SVG).
+    """
+
+    tolerance: Annotated[float, Written(LENGTH, "0.2 mm"), Field(gt=0, le=2)] = TOLERANCE
     layer: str | None = None
-    curve: str | None = None  #: a handle or id
+    curve: str | None = None
 
 
 @dataclass(frozen=True)
@@ -178,7 +190,7 @@ def check_flat(path: Path, heights: Array, otherwise: str = "") -> None:
         )
 
 
-def joined(path: Path, pieces: Sequence[Piece], unit: str, choice: Choice) -> Drawn:
+def joined(path: Path, pieces: Sequence[Piece], unit: str, file: OutlineFile) -> Drawn:
     """Join the pieces of the chosen outline, in any order and direction, to a closed polygon.
 
     Where one of them is curved, all are followed closely; where all are straight lines, their
@@ -189,7 +201,7 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, choice: Choice) -> Dr
     InputError
         When they are more or less than one closed outline.
     """
-    pieces = _on_layer(path, pieces, choice.layer)
+    pieces = _on_layer(path, pieces, file.layer)
     wrong = [piece for piece in pieces if piece.problem]
     pieces = [piece for piece in pieces if not piece.problem]
     # Before lines of any length are cut into short ones.
@@ -197,12 +209,12 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, choice: Choice) -> Dr
     check_extent(path, everything, (0.0, 10 * EXTENT[1]), unit)
     pieces = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     groups = _groups(pieces)
-    if wrong and not choice.curve:
+    if wrong and not file.curve:
         others = f", or choose the outline ({_how(groups)}): {_listed(groups)}" if groups else ""
         raise InputError(f"{path}, {wrong[0].place}: {wrong[0].problem}{others}")
     if not groups:
         raise InputError(f"{path}: the drawing is empty; draw one closed outline")
-    loop = _loop(path, _chosen(path, groups, choice))
+    loop = _loop(path, _chosen(path, groups, file))
     check_flat(path, np.concatenate([piece.points[:, 2:] for piece in loop]))
     if any(piece.sample for piece in loop):
         loop = [piece.dense() for piece in loop]
@@ -231,13 +243,13 @@ def _groups(pieces: Sequence[Piece]) -> list[list[Piece]]:
     return list(found.values())
 
 
-def _chosen(path: Path, groups: Sequence[list[Piece]], choice: Choice) -> list[Piece]:
+def _chosen(path: Path, groups: Sequence[list[Piece]], file: OutlineFile) -> list[Piece]:
     """Return the pieces of the one curve that is there or was chosen."""
-    if choice.curve is not None:
+    if file.curve is not None:
         every = groups
-        groups = [group for group in groups if any(p.name == choice.curve for p in group)]
+        groups = [group for group in groups if any(p.name == file.curve for p in group)]
         if not groups:
-            raise InputError(f"{path}: no curve '{choice.curve}'; there are {_listed(every)}")
+            raise InputError(f"{path}: no curve '{file.curve}'; there are {_listed(every)}")
     if not any(map(_is_closed, groups)):
         return [piece for group in groups for piece in group]  # open: which is said
     if len(groups) > 1:

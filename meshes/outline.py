@@ -10,8 +10,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.files import kind_of
 from calfsocket.meshes import curves, fairing
 from calfsocket.meshes.curves import Array, Point, xy
-from calfsocket.meshes.drawn import Choice, Drawn
-from calfsocket.meshes.fairing import TOLERANCE
+from calfsocket.meshes.drawn import Drawn, OutlineFile
 from calfsocket.meshes.outline_csv import read_csv
 from calfsocket.meshes.outline_dxf import read_dxf
 from calfsocket.meshes.outline_svg import read_svg
@@ -35,12 +34,7 @@ class ReadOutline:
     deviation: float = 0.0
 
 
-def read_outline(
-    path: Path | str,
-    tolerance: float = TOLERANCE,
-    layer: str | None = None,
-    curve: str | None = None,
-) -> ReadOutline:
+def read_outline(path: Path | str, file: OutlineFile | None = None) -> ReadOutline:
     """Read the inner face of a socket.
 
     The frame is the limb's, with the origin where the limb's data have it (the calf: the centroid
@@ -55,10 +49,9 @@ def read_outline(
     ----------
     path
         A file that ends in .csv, .dxf or .svg.
-    tolerance
-        How far that smooth curve may be from vertices and sides of the outline, mm.
-    layer, curve
-        Which one is meant of several curves in a drawing: its layer, its handle (DXF) or id (SVG).
+    file
+        How far that smooth curve may be from vertices and sides of the outline, and which one is
+        meant of several curves in a drawing.
 
     Raises
     ------
@@ -73,8 +66,8 @@ def read_outline(
         if kind := kind_of(path):
             what = f"is {kind}, not the outline of a socket"
         raise InputError(f"{path}: {what}; export it as one of {', '.join(READERS)}")
-    drawn = reader(path, Choice(layer, curve))
-    points, deviation = _curve_points(drawn, tolerance)
+    file = file or OutlineFile()
+    points, deviation = _curve_points(reader(path, file), file.tolerance)
     return ReadOutline(tuple((float(x), float(y)) for x, y in points), deviation)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import SAME_POINT, Array
-from calfsocket.meshes.drawn import UNITS, Choice, Drawn, check_flat
+from calfsocket.meshes.drawn import UNITS, Drawn, OutlineFile, check_flat
 
 #: The outline is open where it closes with a side this many times as long as the longest other.
 _OPENING = 3.0
@@ -36,7 +36,7 @@ _COLUMN = re.compile(
 _Row = tuple[int, list[str]]
 
 
-def read_csv(path: Path, choice: Choice) -> Drawn:
+def read_csv(path: Path, file: OutlineFile) -> Drawn:
     """Read the points of an outline.
 
     Raises
@@ -44,7 +44,7 @@ def read_csv(path: Path, choice: Choice) -> Drawn:
     InputError
         Naming file and line.
     """
-    if choice != Choice():
+    if file.layer is not None or file.curve is not None:
         raise InputError(f"{path}: a CSV has one curve and no layers; remove `layer` and `curve`")
     rows = _rows(path)
     names = 0

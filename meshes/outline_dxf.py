@@ -25,7 +25,7 @@ from scipy.interpolate import BSpline
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import Choice, Drawn, Piece, joined
+from calfsocket.meshes.drawn import Drawn, OutlineFile, Piece, joined
 
 TYPES = ("LWPOLYLINE", "POLYLINE", "SPLINE", "CIRCLE", "ELLIPSE", "LINE", "ARC")
 #: Distance, mm, from a curve to the chords that stand for it; their ends are on the curve.
@@ -43,7 +43,7 @@ _PARTS = {b"VERTEX", b"SEQEND", b"ATTRIB"}
 logging.getLogger("ezdxf").addHandler(logging.NullHandler())
 
 
-def read_dxf(path: Path, choice: Choice) -> Drawn:
+def read_dxf(path: Path, file: OutlineFile) -> Drawn:
     """Read a closed outline.
 
     Raises
@@ -60,7 +60,7 @@ def read_dxf(path: Path, choice: Choice) -> Drawn:
         _piece(entity, "" if uses[entity.dxf.handle] > 1 else entity.dxf.handle, number, scale)
         for number, entity in enumerate(entities, 1)
     ]
-    return joined(path, pieces, unit, choice)
+    return joined(path, pieces, unit, file)
 
 
 def _document(path: Path) -> Drawing:

@@ -18,7 +18,7 @@ import svgelements
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import STEP, Choice, Drawn, Piece, joined
+from calfsocket.meshes.drawn import STEP, Drawn, OutlineFile, Piece, joined
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
 #: Elements that draw nothing.
@@ -36,7 +36,7 @@ _PATH = re.compile(r"[MmZzLlHhVvCcSsQqTtAaeE0-9+\-.,\s]*")
 _FIRST_LOOK = 33
 
 
-def read_svg(path: Path, choice: Choice) -> Drawn:
+def read_svg(path: Path, file: OutlineFile) -> Drawn:
     """Read a closed outline.
 
     Raises
@@ -54,7 +54,7 @@ def read_svg(path: Path, choice: Choice) -> Drawn:
         )
     scale = _unit(path, root)
     pieces = [piece for shape in _shapes(root) for piece in _pieces(shape, scale)]
-    return joined(path, pieces, f"its unit is {scale:.4g} mm by width and viewBox", choice)
+    return joined(path, pieces, f"its unit is {scale:.4g} mm by width and viewBox", file)
 
 
 def _unit(path: Path, root: ElementTree.Element) -> float:

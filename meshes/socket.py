@@ -15,6 +15,7 @@ from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
 from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve, Points
+from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.fairing import TOLERANCE
 from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.limb import Limb
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 #: How far a socket's face may lie from the skin, mm.
 Offset = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-100, le=100)]
 Shift = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-1000, le=1000)]
-Tolerance = Annotated[float, Written(LENGTH, "0.2 mm"), Field(gt=0, le=2)]
 Wall = Annotated[float, Written(LENGTH, "4.5 mm"), Field(gt=0, le=1000)]
 Angle = Annotated[float, Written(ANGLE, "90 deg")]
 Width = Annotated[float, Written(ANGLE, "20 deg"), Field(gt=0)]
@@ -124,7 +124,7 @@ class Socket(Strict):
             table = resolved(
                 content,
                 reference_sockets(),
-                lambda name, **choice: _read_outline(path.parent / name, **choice),
+                lambda name, file: _read_outline(path.parent / name, file),
             )
         table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
@@ -162,7 +162,7 @@ class Socket(Strict):
         path = Path(path)
         wall.setdefault("name", path.stem)
         file = OutlineFile(tolerance=tolerance, layer=layer, curve=curve)
-        read = _read_outline(path, **file.model_dump())
+        read = _read_outline(path, file)
         return Outline(**vars(read), shift=shift, rotation=rotation, **wall)
 
     def elasticity(self) -> dict[str, float]:
@@ -290,22 +290,6 @@ class CircleBlend(Socket):
         return curves.interpolated(exact, skin.knots)
 
 
-class OutlineFile(Strict):
-    """How the outline of a socket is read from a file.
-
-    Attributes
-    ----------
-    tolerance : float
-        How far the curve may be from an outline that is too rough to be taken as it is, mm.
-    layer, curve : str, optional
-        Which curve of a drawing is meant: its layer, its handle (DXF) or id (SVG).
-    """
-
-    tolerance: Tolerance = TOLERANCE
-    layer: str | None = None
-    curve: str | None = None
-
-
 class Outline(Socket):
     """Inner face: a closed spline through points, moved: turned about the origin, then shifted.
 
@@ -396,10 +380,10 @@ def _named(name: str, sockets: Mapping[str, AnySocket]) -> AnySocket:
     return sockets[name]
 
 
-def _read_outline(path: Path, **choice: Any) -> "ReadOutline":
+def _read_outline(path: Path, file: OutlineFile) -> "ReadOutline":
     from calfsocket.meshes.outline import read_outline  # with readers of drawings
 
-    return read_outline(path, **choice)
+    return read_outline(path, file)
 
 
 _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend": CircleBlend}
@@ -407,7 +391,9 @@ _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend"
 
 
 def resolved(
-    table: Any, reference: Mapping[str, AnySocket], outline: Callable[..., "ReadOutline"]
+    table: Any,
+    reference: Mapping[str, AnySocket],
+    outline: Callable[[str, OutlineFile], "ReadOutline"],
 ) -> Any:
     """Return a socket's table as its class has it, its file read and its reference filled in.
 
@@ -418,7 +404,7 @@ def resolved(
     reference : mapping
         Sockets that others may be like.
     outline : callable
-        Reads an outline by the name of its file and the fields of `OutlineFile`.
+        Reads an outline by the name of its file.
 
     Raises
     ------
@@ -443,8 +429,7 @@ def resolved(
             if key in changed:
                 raise InputError(f"{key}: comes from the file {source}; remove it")
         how = {key: changed.pop(key) for key in OutlineFile.model_fields if key in changed}
-        file = checked(Path("outline"), how, OutlineFile)
-        read = outline(source, **file.model_dump())
+        read = outline(source, checked(Path("outline"), how, OutlineFile))
         deviation = LENGTH.text(read.deviation, "mm")
         return {"law": "outline", "points": read.points, "deviation": deviation} | changed
     with error_context("like"):

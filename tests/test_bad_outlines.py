@@ -11,6 +11,7 @@ import pytest
 
 import reliability
 from calfsocket.io.errors import InputError
+from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.outline import read_outline
 from drawings import dxf
 from reliability import Trial
@@ -507,7 +508,7 @@ def said(trial: Trial, folder: Path) -> str:
     elif content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InputError) as caught:
-        read_outline(path, **dict(*choice))
+        read_outline(path, OutlineFile(**dict(*choice)))
     return str(caught.value).replace(f"{folder}/", "")
 
 

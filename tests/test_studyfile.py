@@ -15,6 +15,7 @@ from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, limb
+from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.outline import ReadOutline
 from calfsocket.meshes.socket import NormalOffset, Socket, reference_sockets, resolved
@@ -111,7 +112,7 @@ def test_every_remark_of_the_example_can_be_used():
     assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
     tables = {
-        name: resolved(table, reference_sockets(), lambda _, **__: ReadOutline(RING))
+        name: resolved(table, reference_sockets(), lambda *_: ReadOutline(RING))
         for name, table in content["sockets"].items()
     }
     document.Document.model_validate(content | {"sockets": tables})
@@ -239,9 +240,7 @@ def test_two_curves_of_one_drawing_are_two_sockets_and_are_read_again_from_the_r
     assert [line.startswith(notice) for line in made.notices] == [True]
     assert made.source.files.keys() == {"two.svg (curve = tight)", "two.svg (curve = scanned)"}
     again = Files(tmp_path / "elsewhere", json.loads(json.dumps(made.source.files)))
-    assert again.outline("two.svg", tolerance=0.2, layer=None, curve="scanned").points == (
-        scanned.socket.points
-    )
+    assert again.outline("two.svg", OutlineFile(curve="scanned")).points == scanned.socket.points
 
 
 # ----- materials

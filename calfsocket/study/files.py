@@ -10,6 +10,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, read_toml
 from calfsocket.materials.file import law_in
 from calfsocket.materials.laws import Law
+from calfsocket.meshes.drawn import OutlineFile
 
 if TYPE_CHECKING:
     from calfsocket.meshes.outline import ReadOutline
@@ -36,16 +37,14 @@ class Files:
         """What was read so far: name -> sha256 and content."""
         return dict(sorted(self._content.items()))
 
-    def outline(self, name: str, **choice: Any) -> "ReadOutline":
-        """Outline of a socket; `choice` are the fields of `socket.OutlineFile`."""
-        from calfsocket.meshes.outline import TOLERANCE, ReadOutline, read_outline
+    def outline(self, name: str, file: OutlineFile) -> "ReadOutline":
+        """Outline of a socket."""
+        from calfsocket.meshes.outline import ReadOutline, read_outline
 
         # One file may hold several outlines.
-        usual = {"tolerance": TOLERANCE, "layer": None, "curve": None}
-        words = [f"{key} = {choice[key]}" for key in usual if choice[key] != usual[key]]
-        content = self._read(
-            name, lambda path: asdict(read_outline(path, **choice)), ", ".join(words)
-        )
+        unusual = dict(file).items() - dict(OutlineFile()).items()
+        how = ", ".join(f"{key} = {value}" for key, value in sorted(unusual))
+        content = self._read(name, lambda path: asdict(read_outline(path, file)), how)
         points = tuple((float(x), float(y)) for x, y in content["points"])
         return ReadOutline(points, float(content["deviation"]))
 
