@@ -24,8 +24,12 @@ MAX_TOML_BYTES = 50_000
 def misspelt(key: str, allowed: Collection[str]) -> str | None:
     """Return the name that a key most likely means, if it is really near to one.
 
-    "fricton" is near to "friction", and "fad" to "fat"; "loads" means something else than "laws".
+    "fricton" is near to "friction", "fad" to "fat", and "angle" to "angle_deg"; "loads" means
+    something else than "laws".
     """
+    whole = [name for name in allowed if name.startswith(f"{key}_")]
+    if len(whole) == 1:  # without its unit, say
+        return whole[0]
     # One letter of three is a third of a name; two of five are a slip no more.
     alike = 0.75 if len(key) > 4 else 0.6
     return next(iter(difflib.get_close_matches(key, allowed, n=1, cutoff=alike)), None)
