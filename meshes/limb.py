@@ -1,11 +1,12 @@
 """A limb as data: closed curves and the regions between them, read and checked."""
 
+import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
-from itertools import combinations, pairwise, permutations
+from itertools import combinations, count, pairwise, permutations
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import shapely
@@ -14,9 +15,19 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
+from calfsocket.io.files import kind_of
 from calfsocket.io.schema import Strict, nearest, read_json
 from calfsocket.meshes import curves, tags
-from calfsocket.meshes.curves import ClosedCurve, Point, Points, Thickness, at, polar_angle
+from calfsocket.meshes.curves import (
+    Array,
+    ClosedCurve,
+    Point,
+    Points,
+    Thickness,
+    at,
+    polar_angle,
+)
+from calfsocket.meshes.frame import Direction, Frame, View
 
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
@@ -24,6 +35,12 @@ Units = Literal["mm, deg"]
 MIN_GAP = 0.1
 #: Distance of the points at which curves are compared, mm.
 SAMPLE_STEP = 0.1
+#: By how much a region's area may differ from what the file says: a share, for it may have been
+#: measured on the polygon through the points, and mm^2 more for an area written to a tenth.
+AREA_TOLERANCE, AREA_DIGIT = 0.05, 0.05
+#: Anatomical angles, degrees, from and to which the fibula lies about the tibia: it is lateral and
+#: further back, at -38 degrees in the reference calf; the rest allows for axes that are turned.
+FIBULA = 270.0, 15.0
 
 
 class SplineCurve(Strict):
@@ -90,19 +107,18 @@ class Layers(Strict):
 
 
 class Region(Strict):
-    """What lies inside the outer curve and outside the holes; areas in mm^2."""
+    """What lies inside the outer curve and outside the holes.
+
+    The number `id` is the next free one unless given. An `area`, mm^2, is compared with that of the
+    curves, so that a slip in a point is found.
+    """
 
     id: PositiveInt
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
-    latin: str = ""
     tissue: Tissue
-    side: str = ""
-    target_area: PositiveFloat
-    area: PositiveFloat
+    area: PositiveFloat | None = None
     outer: str
     holes: tuple[str, ...] = ()
-    adjacent: tuple[str, ...] = ()
-    across_fascia: tuple[str, ...] = ()
 
     @property
     def loops(self) -> tuple[str, ...]:
@@ -110,21 +126,91 @@ class Region(Strict):
         return (self.outer, *self.holes)
 
 
-class Limb(Strict):
-    """A transverse section of a limb: named closed curves, and the regions between them."""
+#: Keys that files of earlier versions have and from which nothing follows: of a limb, of a region.
+_REMARKS = ("curve_types", "fat_law", "topology"), (
+    "latin", "side", "target_area", "adjacent", "across_fascia",
+)  # fmt: skip
+_SIDE = re.compile(r"(l|left|r|right)\b(?:.*\b(above|proximal|below|distal)\b)?.*", re.IGNORECASE)
 
-    title: str
+
+class Limb(Strict):
+    """A transverse section of a limb: named closed curves, and the regions between them.
+
+    Attributes
+    ----------
+    title : str
+        For reports.
+    side : {"left", "right"}, optional
+        Of the body.
+    seen_from : {"above", "below"}, optional
+        From where the section is seen; that is above the end of the limb at the trunk.
+    axes : mapping
+        What ``"+x"`` and ``"+y"`` point to: lateral, anterior, medial or posterior. They decide
+        what is called medial and where a socket's reliefs lie (`frame`).
+    fixed_boundary, contact_boundary : str
+        The curves where the limb is fixed, and of the skin.
+    layers : Layers, optional
+        Needed by curves that are offsets.
+    curves : mapping
+        By name.
+    regions : tuple of Region
+        What is meshed.
+    remarks : tuple of str
+        Keys of the file that nothing is computed from (`notices` names them).
+    """
+
+    title: str = "A limb"
     units: Units
-    side: str = ""
-    axes: dict[str, str] = Field(default_factory=dict)
-    curve_types: dict[str, str] = Field(default_factory=dict)
-    fat_law: str = ""
-    topology: str = ""
+    side: Literal["left", "right"] | None = None
+    seen_from: View | None = None
+    axes: dict[str, Direction] = Field(default_factory=dict)
     fixed_boundary: str
     contact_boundary: str
-    layers: Layers
+    layers: Layers | None = None
     curves: dict[str, Curve]
     regions: Annotated[tuple[Region, ...], Field(min_length=1)]
+    remarks: tuple[str, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_in_earlier_files(cls, data: Any) -> Any:
+        """Set remarks apart, read a side such as "left leg seen from above", number regions."""
+        if not isinstance(data, dict):
+            return data
+        data, found = dict(data), []
+        regions = data.get("regions")
+        if isinstance(regions, list | tuple) and all(isinstance(each, dict) for each in regions):
+            regions = data["regions"] = [dict(each) for each in regions]
+            taken = [each["id"] for each in regions if "id" in each]
+            free = (number for number in count(1) if number not in taken)
+            for each in regions:
+                found += [
+                    f"regions.{key}" for key in _REMARKS[1] if each.pop(key, None) is not None
+                ]
+                each.setdefault("id", next(free))
+        found += [key for key in _REMARKS[0] if data.pop(key, None) is not None]
+        if isinstance(data.get("axes"), dict) and "origin" in data["axes"]:
+            data["axes"] = {key: data["axes"][key] for key in data["axes"] if key != "origin"}
+            found.append("axes.origin")
+        if found:
+            data["remarks"] = tuple(dict.fromkeys(found))
+        side = _SIDE.fullmatch(data["side"]) if isinstance(data.get("side"), str) else None
+        if side:
+            data["side"] = "left" if side[1].lower().startswith("l") else "right"
+            if side[2]:
+                from_above = side[2].lower() in ("above", "proximal")
+                data.setdefault("seen_from", "above" if from_above else "below")
+        elif data.get("side") in ("", "unknown"):
+            del data["side"]
+        return data
+
+    @field_validator("axes")
+    @classmethod
+    def _two_axes(cls, value: dict[str, Direction]) -> dict[str, Direction]:
+        if value and set(value) != {"+x", "+y"}:
+            raise ValueError("give '+x' and '+y', or leave the axes out where they are not known")
+        Frame(value.get("+x"), value.get("+y"))
+        return value
 
     @field_validator("fixed_boundary", "contact_boundary")
     @classmethod
@@ -148,19 +234,30 @@ class Limb(Strict):
             When the file cannot be read, a key is wrong, or curves touch, cross or are not nested
             as the regions say.
         """
-        return read_json(Path(path), cls)
+        path = Path(path)
+        if kind := kind_of(path):
+            raise InputError(
+                f"{path}: is {kind}; a limb is a JSON file of closed curves in mm and the regions"
+                " between them: see docs/formats/geometry.md"
+            )
+        return read_json(path, cls)
 
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
         for problem in self._problems():
             raise ValueError(problem)
-        _check_nesting(self)
+        loops = limb_curves(self)
+        _check_nesting(self, loops)
+        _check_areas(self, loops)
+        _check_frame(self, loops)
         return self
 
     def _problems(self) -> Iterator[str]:
         """Yield what is wrong between the parts, the first reason first."""
         for name, curve in self.curves.items():
             if isinstance(curve, OffsetCurve):
+                if self.layers is None:
+                    yield f"layers: is missing, but curves.{name} is an offset; add it"
                 if curve.of not in self.curves:
                     hint = nearest(curve.of, self.curves)
                     yield f"curves.{name}.of: no curve '{curve.of}'; {hint}"
@@ -169,10 +266,9 @@ class Limb(Strict):
                         f"curves.{name}.of: '{curve.of}' is itself an offset; name the curve that"
                         " it is made from"
                     )
-        names = [region.name for region in self.regions]
         for key in ("id", "name"):
             counts = Counter(getattr(region, key) for region in self.regions)
-            for value in (value for value, count in counts.items() if count > 1):
+            for value in (value for value, uses in counts.items() if uses > 1):
                 yield f"regions: {key} {value} is used by two regions; make it unique"
         for region in self.regions:
             place = f"regions.{region.name}"
@@ -195,9 +291,6 @@ class Limb(Strict):
                 outer, other = region.outer, owner[region.outer]
                 yield f"{place}.outer: '{outer}' is already the outer curve of {other}"
             owner[region.outer] = region.name
-            for other in (*region.adjacent, *region.across_fascia):
-                if other not in names:
-                    yield f"{place}: no region '{other}'; {nearest(other, names)}"
         # A hole is filled by another region, or by nothing where the limb is constrained.
         empty = [hole for hole in hole_of if hole not in owner]
         if empty != [self.fixed_boundary]:
@@ -222,23 +315,113 @@ class Limb(Strict):
         """Region name -> tag of its cells, without the socket."""
         return {region.name: region.id for region in self.regions}
 
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior are."""
+        return Frame(self.axes.get("+x"), self.axes.get("+y"))
+
+    @property
+    def skin(self) -> ClosedCurve:
+        """The curve of the skin's surface."""
+        return _curve(self, self.contact_boundary)
+
+    @property
+    def areas(self) -> dict[str, float]:
+        """Region name -> area between its curves, mm^2."""
+        return _areas(self, limb_curves(self))
+
+    def notices(self) -> Iterator[str]:
+        """Yield what whoever wrote the file should know, a line each; nothing is wrong with it."""
+        if not self.frame.known:
+            place = _fibula(self, limb_curves(self))
+            wrong = place is not None and not _can_be_fibula(self.frame, place)
+            yield (
+                "no axes are given, so sides are called +x and +y, and angles of sockets count"
+                " from +x counter-clockwise"
+                + (", which by the fibula is not lateral by anterior" if wrong else "")
+                + "; add e.g. axes = {'+x': 'lateral', '+y': 'anterior'}"
+            )
+        elif self.side and not self.seen_from and self.frame.view(self.side) == "below":
+            yield f"with these axes it is a {self.side} limb seen from below"
+        if self.remarks:
+            yield f"nothing is computed from {', '.join(self.remarks)}"
+        used = {name for region in self.regions for name in region.loops}
+        used |= {each.of for each in self.curves.values() if isinstance(each, OffsetCurve)}
+        if unused := [name for name in self.curves if name not in used]:
+            yield f"curves that bound no region: {', '.join(unused)}"
+
+
+def _curve(limb: Limb, name: str) -> ClosedCurve:
+    curve = limb.curves[name]
+    if isinstance(curve, OffsetCurve):
+        assert limb.layers is not None  # or the limb would have been refused
+        return curves.offset(_curve(limb, curve.of), limb.layers.inward(curve.law))
+    return curve.closed_curve()
+
 
 def limb_curves(limb: Limb) -> dict[str, ClosedCurve]:
     """Return the curves that bound regions, by name; unused ones of the file are left out."""
     used = {name for region in limb.regions for name in region.loops}
-
-    def make(name: str) -> ClosedCurve:
-        curve = limb.curves[name]
-        if isinstance(curve, OffsetCurve):
-            return curves.offset(make(curve.of), limb.layers.inward(curve.law))
-        return curve.closed_curve()
-
-    return {name: make(name) for name in limb.curves if name in used}
+    return {name: _curve(limb, name) for name in limb.curves if name in used}
 
 
-def _check_nesting(limb: Limb) -> None:
+def _areas(limb: Limb, loops: Mapping[str, ClosedCurve]) -> dict[str, float]:
+    return {
+        region.name: loops[region.outer].area - sum(loops[hole].area for hole in region.holes)
+        for region in limb.regions
+    }
+
+
+def _check_areas(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
+    """Raise an InputError where a region is not as large as the file says."""
+    areas = _areas(limb, loops)
+    for region in limb.regions:
+        drawn = areas[region.name]
+        if region.area and abs(drawn - region.area) > AREA_DIGIT + AREA_TOLERANCE * drawn:
+            raise InputError(
+                f"regions.{region.name}.area: is {region.area:g} mm^2, but its curves enclose"
+                f" {drawn:.1f}; correct the curves, or leave `area` out"
+            )
+
+
+def _check_frame(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
+    """Raise an InputError where side, axes and the place of the fibula contradict each other."""
+    frame = limb.frame
+    if not frame.known:
+        return
+    axes = f"+x is {limb.axes['+x']} and +y {limb.axes['+y']}"
+    if limb.side and limb.seen_from and frame.view(limb.side) != limb.seen_from:
+        raise InputError(
+            f"axes: {axes}, which is a {limb.side} limb seen from {frame.view(limb.side)}, not from"
+            f" {limb.seen_from}; correct axes, side or seen_from"
+        )
+    if (place := _fibula(limb, loops)) is not None and not _can_be_fibula(frame, place):
+        raise InputError(
+            f"axes: {axes}, so that the fibula would lie {frame.direction(*place)} of the tibia,"
+            " but in every leg it is lateral and further back; correct axes (and side), or mirror"
+            " the curves"
+        )
+
+
+def _fibula(limb: Limb, loops: Mapping[str, ClosedCurve]) -> Array | None:
+    """Return the way from the tibia to the fibula, where the limb has both."""
+    middle = {
+        name: np.mean(loops[region.outer].evaluate(loops[region.outer].sample(1.0)), axis=0)
+        for region in limb.regions
+        for name in ("tibia", "fibula")
+        if region.tissue == "bone" and name in region.name
+    }
+    return middle["fibula"] - middle["tibia"] if len(middle) == 2 else None
+
+
+def _can_be_fibula(frame: Frame, place: Array) -> bool:
+    first, last = FIBULA
+    angle = float(frame.angle(place))
+    return angle >= first or angle <= last
+
+
+def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
     """Raise an InputError unless curves are simple, disjoint and nested as the regions say."""
-    loops = limb_curves(limb)
     for name, curve in loops.items():
         if curve.area <= 0:
             raise InputError(f"curves.{name}: runs clockwise; reverse its points")

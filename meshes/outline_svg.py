@@ -7,6 +7,8 @@ width of the page over that of its viewBox; without a viewBox it is SVG's pixel,
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,12 +18,13 @@ import svgelements
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_text
 from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import EXTENT, STEP, Drawn, Piece, check_extent, joined
+from calfsocket.meshes.drawn import STEP, Drawn, OutlineFile, Piece, joined
 
 SHAPES = ("path", "polygon", "polyline", "line", "circle", "ellipse")
 #: Elements that draw nothing.
 _SILENT = ("defs", "title", "desc", "metadata", "style", "clipPath", "mask", "marker", "symbol")
 _SVG = "{http://www.w3.org/2000/svg}"
+_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "px": 25.4 / 96}
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LENGTH = re.compile(rf"\s*({_NUMBER})\s*([a-z]*)\s*")
@@ -33,7 +36,7 @@ _PATH = re.compile(r"[MmZzLlHhVvCcSsQqTtAaeE0-9+\-.,\s]*")
 _FIRST_LOOK = 33
 
 
-def read_svg(path: Path) -> Drawn:
+def read_svg(path: Path, file: OutlineFile) -> Drawn:
     """Read a closed outline.
 
     Raises
@@ -50,17 +53,8 @@ def read_svg(path: Path) -> Drawn:
             f"{path}: is not an SVG drawing: its root is {root.tag!r}; export it again"
         )
     scale = _unit(path, root)
-    unit = f"its unit is {scale:.4g} mm by width and viewBox"
-    pieces = []
-    for place, element, matrix in _shapes(path, root):
-        try:
-            segments = list(_segments(element))
-        except (ValueError, IndexError, TypeError, ArithmeticError) as error:
-            raise InputError(f"{path}, {place}: cannot be read; draw it again") from error
-        pieces += [_piece(path, place, segment * matrix, scale, unit) for segment in segments]
-    if not pieces:
-        raise InputError(f"{path}: the drawing is empty; draw one outline as {', '.join(SHAPES)}")
-    return joined(path, pieces, unit)
+    pieces = [piece for shape in _shapes(root) for piece in _pieces(shape, scale)]
+    return joined(path, pieces, f"its unit is {scale:.4g} mm by width and viewBox", file)
 
 
 def _unit(path: Path, root: ElementTree.Element) -> float:
@@ -94,14 +88,23 @@ def _unit(path: Path, root: ElementTree.Element) -> float:
     return scales[0]
 
 
-def _shapes(
-    path: Path, root: ElementTree.Element
-) -> Iterator[tuple[str, ElementTree.Element, svgelements.Matrix]]:
-    """Yield what is drawn: its place, the element, and the transform of it and its groups."""
-    todo = [(element, svgelements.Matrix()) for element in reversed(root)]
+@dataclass(frozen=True)
+class _Shape:
+    """What is drawn, with the transforms of it and its groups."""
+
+    place: str
+    element: ElementTree.Element
+    transforms: tuple[str, ...]
+    layer: str
+
+
+def _shapes(root: ElementTree.Element) -> Iterator[_Shape]:
+    """Yield what is drawn; a layer is a group, by its label or id."""
+    todo = [_Shape("", element, (), "") for element in reversed(root)]
     number = 0
     while todo:
-        element, outside = todo.pop()
+        shape = todo.pop()
+        element = shape.element
         if not isinstance(element.tag, str):
             continue  # a comment
         name = element.tag.removeprefix(_SVG)
@@ -110,25 +113,56 @@ def _shapes(
             continue
         number += 1
         place = f"{name} {element.get('id', f'number {number}')}"
-        matrix = _transform(path, place, element.get("transform", "")) * outside
+        # What is inside is transformed first.
+        transforms = (element.get("transform", ""), *shape.transforms)
         if name == "g":
-            todo.extend((child, matrix) for child in reversed(element))
-        elif name in SHAPES:
-            yield place, element, matrix
+            layer = element.get(_LABEL) or element.get("id") or shape.layer
+            todo.extend(_Shape("", child, transforms, layer) for child in reversed(element))
         else:
-            raise InputError(
-                f"{path}, {place}: cannot be part of an outline; keep {', '.join(SHAPES)}, convert"
-                " other objects to paths and delete the rest"
-            )
+            yield _Shape(place, element, transforms, shape.layer)
 
 
-def _transform(path: Path, place: str, text: str) -> svgelements.Matrix:
+def _pieces(shape: _Shape, scale: float) -> Iterator[Piece]:
+    """Yield the lines and curves of a shape, in mm in the limb's frame."""
+    name = shape.element.get("id", "")
+    nothing = Piece(shape.place, np.empty((0, 2)), name, shape.layer)
+    if shape.element.tag.removeprefix(_SVG) not in SHAPES:
+        yield replace(
+            nothing,
+            problem=f"cannot be part of an outline, which is made of {', '.join(SHAPES)}; convert"
+            " it to a path or delete it",
+        )
+        return
     try:
-        if _TRANSFORM.fullmatch(text):
-            return svgelements.Matrix(text)
-    except (ValueError, IndexError, TypeError):
-        pass  # too few numbers, which the library finds out
-    raise InputError(f"{path}, {place}: transform {text!r} cannot be read; draw it without one")
+        matrix = _matrix(shape.transforms)
+        segments = [segment * matrix for segment in _segments(shape.element)]
+    except InputError as error:
+        yield replace(nothing, problem=str(error))
+        return
+    except (ValueError, IndexError, TypeError, ArithmeticError):
+        yield replace(nothing, problem="cannot be read; draw it again")
+        return
+    for segment in segments:
+        straight = isinstance(segment, svgelements.Line | svgelements.Close)
+        points = _at(segment, 2 if straight else _FIRST_LOOK) * [scale, -scale]
+        if not np.isfinite(points).all():
+            yield replace(nothing, problem="has no finite size; draw it again")
+        else:
+            sample = None if straight else partial(_sampled, segment, scale)
+            yield replace(nothing, points=points, sample=sample)
+
+
+def _matrix(transforms: tuple[str, ...]) -> svgelements.Matrix:
+    """Return the product of transforms, the first of which acts first."""
+    matrix = svgelements.Matrix()
+    for text in transforms:
+        try:
+            if not _TRANSFORM.fullmatch(text):
+                raise ValueError(text)
+            matrix = matrix * svgelements.Matrix(text)
+        except (ValueError, IndexError, TypeError):  # too few numbers, which the library finds out
+            raise InputError(f"transform {text!r} cannot be read; draw it without one") from None
+    return matrix
 
 
 def _segments(element: ElementTree.Element) -> Iterator[svgelements.PathSegment]:
@@ -167,26 +201,15 @@ def _attributes(element: ElementTree.Element, *names: str) -> list[float]:
     return [float(element.get(name, "0").strip().removesuffix("px")) for name in names]
 
 
-def _piece(
-    path: Path, place: str, segment: svgelements.PathSegment, scale: float, unit: str
-) -> Piece:
-    """Return a segment as points in mm in the limb's frame."""
-    if isinstance(segment, svgelements.Line | svgelements.Close):
-        points = np.array([[end.x, end.y] for end in (segment.start, segment.end)], dtype=float)
-    else:
-        points = _at(segment, _FIRST_LOOK)
-    points = points * [scale, -scale]
-    if not np.isfinite(points).all():
-        raise InputError(f"{path}, {place}: has no finite size; draw it again")
-    if len(points) == 2:
-        return Piece(place, points)
-    check_extent(path, points, (0.0, 10 * EXTENT[1]), unit)
-    length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
-    number = max(int(length / STEP) + 2, 5)
-    return Piece(place, _at(segment, number) * [scale, -scale], curved=True)
+def _sampled(segment: svgelements.PathSegment, scale: float) -> Array:
+    sides = np.diff(_at(segment, _FIRST_LOOK) * scale, axis=0)
+    number = max(int(np.linalg.norm(sides, axis=1).sum() / STEP) + 2, 5)
+    return _at(segment, number) * [scale, -scale]
 
 
 def _at(segment: svgelements.PathSegment, number: int) -> Array:
+    if isinstance(segment, svgelements.Line | svgelements.Close):
+        return np.array([[end.x, end.y] for end in (segment.start, segment.end)], dtype=float)
     with np.errstate(all="ignore"):  # what is not finite is refused
         points = segment.npoint(np.linspace(0.0, 1.0, number))
     return np.asarray(points, dtype=float).reshape(-1, 2)

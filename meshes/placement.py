@@ -5,16 +5,26 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from scipy.optimize import least_squares
 
 from calfsocket.io.errors import InputError, error_context
-from calfsocket.meshes.curves import Array, ClosedCurve, at, polar_angle
+from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.limb import Limb, limb_curves
-from calfsocket.meshes.socket import Socket
+from calfsocket.meshes.socket import Outline, Socket
 
 #: Distance of the points of the skin that are looked at, mm.
 SKIN_STEP = 0.25
 #: Distance of the points that stand for the other curves, mm.
 CURVE_STEP = 0.1
+#: Distance of the points of the skin by which it is found whether a socket holds on to it, mm.
+GRIP_STEP = 1.0
+#: A socket that takes less than this share of the limb's area may be no smaller than the limb: the
+#: skin's outline, scanned with 0.05 mm of noise, encloses its own area to 0.03 %.
+NOT_SMALLER = 5e-4
+#: It presses nowhere if all overlap but this, mm, can be moved away: what a scanner resolves.
+NO_GRIP = 0.05
+#: An outline whose centre is at least this far from the limb's may be drawn in another frame, mm.
+OFF_CENTRE = 5.0
 
 
 @dataclass(frozen=True)
@@ -27,20 +37,29 @@ class Placement:
     smallest_overlap: float  #: how deep the skin lies in the socket, mm
     mean_overlap: float
     largest_overlap: float
-    smallest_angle: float  #: polar angle of the smallest overlap, degrees
+    smallest_angle: float  #: anatomical angle of the smallest overlap, degrees
     largest_angle: float
     squeezed: float  #: greatest depth as a share of the tissue from the skin to the nearest bone
 
 
-def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
+def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool = True) -> Placement:
     """Measure how a socket sits on a limb, and refuse what cannot be solved.
+
+    Parameters
+    ----------
+    socket, limb
+        Both undeformed.
+    name
+        Of the socket, for messages.
+    floating
+        Whether the socket rests on the limb alone, so that it must press from more than one side.
 
     Raises
     ------
     InputError
         In one line, with `name` in front and where: a face that crosses itself, a wall that folds
-        over, a socket beside the limb, one that does not press on it, or one whose
-        inner face reaches into bone.
+        over, a socket beside the limb, one that does not press on it or only moves away from it,
+        or one whose inner face reaches into bone.
 
     Notes
     -----
@@ -48,28 +67,29 @@ def check_placement(socket: Socket, limb: Limb, name: str = "") -> Placement:
     reference sockets have a `squeezed` of 0.15 (TC), 0.09 (TSB) and 0.25 (HS).
     """
     with error_context(f"socket {name}") if name else nullcontext():
-        return _placement(socket, limb)
+        return _placement(socket, limb, floating)
 
 
-def _placement(socket: Socket, limb: Limb) -> Placement:
+def _placement(socket: Socket, limb: Limb, floating: bool) -> Placement:
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
-    inner, _ = socket.faces(skin)
+    inner, _ = socket.faces(limb)
+    at = limb.frame.at
     points = skin.evaluate(skin.sample(SKIN_STEP))
     face = inner.evaluate(inner.sample(CURVE_STEP))
+    aside = _aside(socket, face, points)
     if not shapely.Polygon(face).intersects(shapely.Polygon(points)):
         distance = shapely.LinearRing(face).distance(shapely.LinearRing(points))
         raise InputError(
-            f"lies beside the limb, {distance:.1f} mm away, centred at"
-            f" {at(face.mean(axis=0))}; use the limb's frame, whose origin is inside the limb"
+            f"lies beside the limb, {distance:.1f} mm away, centred at {at(face.mean(axis=0))};"
+            f" use the limb's frame, whose origin is inside the limb{aside}"
         )
-    overlap = _distance(points, face)
-    overlap[shapely.contains_xy(shapely.Polygon(face), *points.T)] *= -1
+    overlap = _overlap(points, face)
     least, most = int(np.argmin(overlap)), int(np.argmax(overlap))
     if overlap[most] <= 0:
         raise InputError(
             f"does not press on the limb: its inner face is at least {-overlap[most]:.2f} mm away"
-            f" from the skin (closest at {at(points[most])}); make it smaller"
+            f" from the skin (closest at {at(points[most])}); {socket.tighter}{aside}"
         )
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
@@ -78,19 +98,61 @@ def _placement(socket: Socket, limb: Limb) -> Placement:
             f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
             f" {at(points[worst])}, where the bone has"
             f" {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue over it; make it larger or"
-            " move it"
+            f" move it{aside}"
         )
+    area_reduction = 1 - inner.area / skin.area
+    if floating and area_reduction < NOT_SMALLER:
+        _check_grip(socket, area_reduction, points, face)
     return Placement(
-        area_reduction=1 - inner.area / skin.area,
+        area_reduction=area_reduction,
         perimeter_reduction=1 - inner.perimeter / skin.perimeter,
         touching=float(np.mean(overlap > 0)),
         smallest_overlap=float(overlap[least]),
         mean_overlap=float(np.mean(overlap)),
         largest_overlap=float(overlap[most]),
-        smallest_angle=float(polar_angle(points[least])),
-        largest_angle=float(polar_angle(points[most])),
+        smallest_angle=float(limb.frame.angle(points[least])),
+        largest_angle=float(limb.frame.angle(points[most])),
         squeezed=float(squeezed[worst]),
     )
+
+
+def _aside(socket: Socket, face: Array, points: Array) -> str:
+    """Return by what shift an outline that is not centred on the limb would be."""
+    here, there = (shapely.Polygon(each).centroid.coords[0] for each in (face, points))
+    move = np.subtract(there, here)
+    if not isinstance(socket, Outline) or np.linalg.norm(move) < OFF_CENTRE:
+        return ""
+    x, y = np.round(move + socket.shift, 1) + 0.0
+    return f"; shift = ['{x:g} mm', '{y:g} mm'] centres it on the limb"
+
+
+def _check_grip(socket: Socket, lost: float, points: Array, face: Array) -> None:
+    """Refuse a floating socket that a rigid motion takes off the limb: nothing would hold it."""
+    few = points[:: round(GRIP_STEP / SKIN_STEP)]
+    middle = few.mean(axis=0)
+    reach = np.linalg.norm(few - middle, axis=1).max()
+
+    def left(motion: Array) -> Array:
+        """Return the overlap after the limb has moved by x, y and an arc at its rim, mm."""
+        angle = motion[2] / reach
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        return _overlap((few - middle) @ turn + middle + motion[:2], face)
+
+    # From a start of 0, steps of the derivative would be 0.
+    found = least_squares(lambda m: np.maximum(left(m), 0.0), np.full(3, 1e-3), diff_step=0.01)
+    if left(found.x).max() <= NO_GRIP:
+        raise InputError(
+            f"is not smaller than the limb (area lost {round(100 * lost, 2) + 0.0:.2f} %): resting"
+            f" on the limb alone it only moves away, until it presses nowhere; {socket.tighter}, or"
+            " constrain it by socket_support = 'outer-fixed'"
+        )
+
+
+def _overlap(points: Array, face: Array) -> Array:
+    """Return how deep points lie outside a closed polygon, shape (n,), negative inside it."""
+    overlap = _distance(points, face)
+    overlap[shapely.contains_xy(shapely.Polygon(face), *points.T)] *= -1
+    return overlap
 
 
 def _distance(points: Array, polygon: Array) -> Array:

@@ -71,12 +71,11 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
         unfinished = Path(folder) / path.name
         gmsh.write(str(unfinished))
         unfinished.replace(path)
-    inner, outer = socket.faces(limb_curves(limb)[limb.contact_boundary])
+    inner, outer = socket.faces(limb)
     return quality_table(
         mesh,
         limb.tissues | {tags.SOCKET: tags.SOCKET},
-        {region.name: region.area for region in limb.regions}
-        | {tags.SOCKET: outer.area - inner.area},
+        limb.areas | {tags.SOCKET: outer.area - inner.area},
     )
 
 
@@ -86,7 +85,7 @@ def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
     The nodes are gmsh's, before `smooth`.
     """
     loops = limb_curves(limb)
-    inner, outer = socket.faces(loops[limb.contact_boundary])
+    inner, outer = socket.faces(limb)
     surfaces, boundaries = _add_limb(limb, loops)
     limb_surfaces = list(surfaces.values())
     inner_edge, outer_edge = [gmsh_model.add_loop(inner)], [gmsh_model.add_loop(outer)]

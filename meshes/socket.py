@@ -1,9 +1,9 @@
 """Sockets: one class for each kind, which knows its numbers, its checks and its faces."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
 from pydantic import Field, GetJsonSchemaHandler, RootModel
@@ -14,7 +14,14 @@ from calfsocket.io.quantity import Written
 from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
 from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
 from calfsocket.meshes import curves
-from calfsocket.meshes.curves import Array, ClosedCurve, Points, at, polar_angle
+from calfsocket.meshes.curves import Array, ClosedCurve, Points
+from calfsocket.meshes.drawn import OutlineFile
+from calfsocket.meshes.fairing import TOLERANCE
+from calfsocket.meshes.frame import Frame
+from calfsocket.meshes.limb import Limb
+
+if TYPE_CHECKING:
+    from calfsocket.meshes.outline import ReadOutline
 
 #: How far a socket's face may lie from the skin, mm.
 Offset = Annotated[float, Written(LENGTH, "1 mm"), Field(ge=-100, le=100)]
@@ -27,7 +34,9 @@ Modulus = Annotated[float, Written(STRESS, "1.5 GPa"), Field(gt=0)]
 
 
 class Bump(Strict):
-    r"""A Gaussian of the polar angle (0 lateral, 90 degrees anterior); positive presses inward.
+    r"""A Gaussian of the anatomical angle (`frame.Frame`); positive presses inward.
+
+    0 is lateral, 90 anterior, 180 medial and 270 degrees posterior on a left leg as on a right one.
 
     .. math:: a \exp\left(-\tfrac12 \left(\frac{\mathrm{wrap}_{180}(\theta - \theta_0)}{w}\right)^2
         \right)
@@ -49,7 +58,7 @@ class Bump(Strict):
 
 
 def bumps_at(bumps: tuple[Bump, ...], angle: Array) -> Array:
-    """Return the sum of Gaussian bumps, mm, at polar angles in degrees, shape (n,)."""
+    """Return the sum of Gaussian bumps, mm, at anatomical angles in degrees, shape (n,)."""
     total = np.zeros_like(angle)
     for bump in bumps:
         turn = (angle - bump.center + 180.0) % 360.0 - 180.0
@@ -79,6 +88,7 @@ class Socket(Strict):
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
 
     _remedy: ClassVar[str] = "use smaller or wider bumps"  # where a face crosses itself
+    tighter: ClassVar[str] = ""  #: what makes it smaller
 
     @staticmethod
     def reference(name: str) -> "AnySocket":
@@ -111,7 +121,11 @@ class Socket(Strict):
             return Socket.from_outline(path)
         content = read_toml(path)
         with error_context(path):
-            table = resolved(content, reference_sockets(), lambda name: _points(path.parent / name))
+            table = resolved(
+                content,
+                reference_sockets(),
+                lambda name, file: _read_outline(path.parent / name, file),
+            )
         table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
 
@@ -120,6 +134,9 @@ class Socket(Strict):
         path: Path | str,
         shift: tuple[float, float] = (0.0, 0.0),
         rotation: float = 0.0,
+        tolerance: float = TOLERANCE,
+        layer: str | None = None,
+        curve: str | None = None,
         **wall: Any,
     ) -> "Outline":
         """Read the inner face of a socket from a CSV, DXF or SVG file (`outline.read_outline`).
@@ -130,6 +147,9 @@ class Socket(Strict):
             The file.
         shift, rotation
             The outline is turned about the origin, in degrees, and then shifted, in mm.
+        tolerance, layer, curve
+            How closely a rough outline is followed, mm, and which curve of a drawing is meant:
+            `OutlineFile`.
         **wall
             `title`, `wall_thickness`, `modulus` or `poisson`; and `name`, that of the file by
             default.
@@ -141,19 +161,25 @@ class Socket(Strict):
         """
         path = Path(path)
         wall.setdefault("name", path.stem)
-        return Outline(points=_points(path), shift=shift, rotation=rotation, **wall)
+        file = OutlineFile(tolerance=tolerance, layer=layer, curve=curve)
+        read = _read_outline(path, file)
+        return Outline(**vars(read), shift=shift, rotation=rotation, **wall)
 
     def elasticity(self) -> dict[str, float]:
         """Return what is the wall's own of E (MPa) and nu; empty where it is the material set's."""
         numbers = {"e": self.modulus, "nu": self.poisson}
         return {name: value for name, value in numbers.items() if value is not None}
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
-        """Return the inner face for a limb of this skin outline."""
+    def notices(self) -> Iterator[str]:
+        """Yield what whoever wrote its file should know, a line each; nothing is wrong with it."""
+        yield from ()
+
+    def inner_face(self, limb: Limb) -> ClosedCurve:
+        """Return the inner face for a limb."""
         raise NotImplementedError
 
-    def faces(self, skin: ClosedCurve) -> tuple[ClosedCurve, ClosedCurve]:
-        """Return the inner and the outer face for a limb of this skin outline.
+    def faces(self, limb: Limb) -> tuple[ClosedCurve, ClosedCurve]:
+        """Return the inner and the outer face for a limb.
 
         Raises
         ------
@@ -161,12 +187,13 @@ class Socket(Strict):
             When a face crosses itself, or the wall folds over where the inner face is hollow.
         """
         thickness = self.wall_thickness
-        inner = self.inner_face(skin)
-        _check_face(inner, "the inner face crosses itself", self._remedy)
-        _check_wall(inner, thickness)
+        inner = self.inner_face(limb)
+        _check_face(inner, limb.frame, "the inner face crosses itself", self._remedy)
+        _check_wall(inner, limb.frame, thickness)
         outer = curves.offset(inner, lambda points: np.full(len(points), thickness))
         _check_face(
             outer,
+            limb.frame,
             f"the outer face crosses itself, for a wall of {thickness:g} mm does not fit,",
             "make the wall thinner or the hollow there wider",
         )
@@ -181,17 +208,20 @@ class NormalOffset(Socket):
     base : float
         Distance by which the skin is moved inward, mm.
     bumps : tuple of Bump
-        Gaussians of the polar angle that are added.
+        Gaussians of the anatomical angle that are added.
     """
+
+    tighter: ClassVar[str] = "make it smaller by a larger `base`"
 
     law: Literal["normal_offset"] = "normal_offset"
     base: Offset
     bumps: tuple[Bump, ...] = ()
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+    def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the skin moved inward."""
+        angle = limb.frame.angle
         return curves.offset(
-            skin, lambda points: -(self.base + bumps_at(self.bumps, polar_angle(points)))
+            limb.skin, lambda points: -(self.base + bumps_at(self.bumps, angle(points)))
         )
 
 
@@ -212,16 +242,19 @@ class CircleBlend(Socket):
     roundness : float
         0 the shape of the skin, 1 a circle.
     bumps : tuple of Bump
-        Gaussians of the polar angle that are taken off.
+        Gaussians of the anatomical angle that are taken off.
     """
+
+    tighter: ClassVar[str] = "make it smaller by a larger `area_reduction`"
 
     law: Literal["circle_blend"] = "circle_blend"
     area_reduction: AreaReduction
     roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
     bumps: tuple[Bump, ...] = ()
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+    def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the blend."""
+        skin = limb.skin
 
         def polar(t: Array) -> tuple[Array, Array]:
             """Return the polar radius of the skin and the derivative of its polar angle."""
@@ -236,7 +269,7 @@ class CircleBlend(Socket):
             return (1 - self.roundness) * polar(t)[0] + self.roundness * mean_radius
 
         def bumps(t: Array) -> Array:
-            return bumps_at(self.bumps, polar_angle(skin.evaluate(t)))
+            return bumps_at(self.bumps, limb.frame.angle(skin.evaluate(t)))
 
         bb = skin.integrate(lambda t: blend(t) ** 2 * polar(t)[1]) / 2
         bs = skin.integrate(lambda t: blend(t) * bumps(t) * polar(t)[1]) / 2
@@ -268,16 +301,26 @@ class Outline(Socket):
         By which the points are moved after they were turned, mm.
     rotation : float
         By which they are turned about the origin, degrees, counter-clockwise.
+    deviation : float
+        Largest distance of the curve from the outline in its file, mm, where that was too rough and
+        was smoothed; otherwise 0.
     """
 
     law: Literal["outline"] = "outline"
     points: Points
+    deviation: Annotated[float, Written(LENGTH, "0.1 mm"), Field(ge=0)] = 0.0
     shift: tuple[Shift, Shift] = (0.0, 0.0)
     rotation: Angle = 0.0
 
     _remedy: ClassVar[str] = "correct its points"
+    tighter: ClassVar[str] = "make it smaller by another drawing"
 
-    def inner_face(self, skin: ClosedCurve) -> ClosedCurve:
+    def notices(self) -> Iterator[str]:
+        """Yield how far the curve is from an outline that was smoothed."""
+        if self.deviation:
+            yield f"the outline was smoothed; the curve is up to {self.deviation:.2f} mm from it"
+
+    def inner_face(self, limb: Limb) -> ClosedCurve:
         """Return the spline; it is the same for every limb."""
         turn = np.deg2rad(self.rotation)
         rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
@@ -287,25 +330,26 @@ class Outline(Socket):
 AnySocket = Annotated[Union[NormalOffset, CircleBlend, Outline], Field(discriminator="law")]  # noqa: UP007
 
 
-def _check_face(face: ClosedCurve, what: str, remedy: str) -> None:
+def _check_face(face: ClosedCurve, frame: Frame, what: str, remedy: str) -> None:
     crossing = curves.crossing_of(face)
     if crossing is not None:
-        raise InputError(f"{what} at {at(crossing)}; {remedy}")
+        raise InputError(f"{what} at {frame.at(crossing)}; {remedy}")
     if face.area <= 0:
         raise InputError("a face runs clockwise; give its points counter-clockwise")
 
 
-def _check_wall(inner: ClosedCurve, thickness: float) -> None:
+def _check_wall(inner: ClosedCurve, frame: Frame, thickness: float) -> None:
     """Refuse a wall that folds over: where the face is concave with a smaller radius."""
     t = inner.sample(inner.perimeter / curves.CROSSING_POINTS)
     # 1/mm, negative where the wall's material is squeezed together towards the outside.
     curvature = inner.curvature(t)
     worst = int(np.argmin(curvature))
     if 1 + thickness * curvature[worst] <= 0:
+        place = frame.at(inner.evaluate(t[worst]))
         raise InputError(
             f"a wall of {thickness:g} mm folds over where the inner face is concave with a radius"
-            f" of {-1 / curvature[worst]:.2g} mm, at {at(inner.evaluate(t[worst]))}; make the wall"
-            " thinner or the concavity wider"
+            f" of {-1 / curvature[worst]:.2g} mm, at {place}; make the wall thinner or the"
+            " concavity wider"
         )
 
 
@@ -313,12 +357,9 @@ def _check_wall(inner: ClosedCurve, thickness: float) -> None:
 
 
 class Sockets(Strict):
-    """Sockets by name as a file has them, in mm and degrees; the other keys are for people."""
+    """Sockets by name as a file has them, in mm and degrees."""
 
-    units: Literal["mm, deg"] = "mm, deg"
-    applies_to: str = ""
-    wall_rule: str = ""
-    laws: dict[str, str] = Field(default_factory=dict)
+    units: Literal["mm, deg"]
     sockets: Annotated[dict[str, AnySocket], Field(min_length=1)]
 
 
@@ -339,10 +380,10 @@ def _named(name: str, sockets: Mapping[str, AnySocket]) -> AnySocket:
     return sockets[name]
 
 
-def _points(path: Path) -> Points:
+def _read_outline(path: Path, file: OutlineFile) -> "ReadOutline":
     from calfsocket.meshes.outline import read_outline  # with readers of drawings
 
-    return read_outline(path)
+    return read_outline(path, file)
 
 
 _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend": CircleBlend}
@@ -350,7 +391,9 @@ _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend"
 
 
 def resolved(
-    table: Any, reference: Mapping[str, AnySocket], outline: Callable[[str], Points]
+    table: Any,
+    reference: Mapping[str, AnySocket],
+    outline: Callable[[str, OutlineFile], "ReadOutline"],
 ) -> Any:
     """Return a socket's table as its class has it, its file read and its reference filled in.
 
@@ -361,7 +404,7 @@ def resolved(
     reference : mapping
         Sockets that others may be like.
     outline : callable
-        Reads the points of an outline by the name of its file.
+        Reads an outline by the name of its file.
 
     Raises
     ------
@@ -382,7 +425,13 @@ def resolved(
     if not isinstance(source, str):
         raise InputError(f"{ways[0]}: is {source!r}; it must be text in quotes")
     if ways == ["outline"]:
-        return {"law": "outline", "points": outline(source)} | changed
+        for key in ("points", "deviation"):
+            if key in changed:
+                raise InputError(f"{key}: comes from the file {source}; remove it")
+        how = {key: changed.pop(key) for key in OutlineFile.model_fields if key in changed}
+        read = outline(source, checked(Path("outline"), how, OutlineFile))
+        deviation = LENGTH.text(read.deviation, "mm")
+        return {"law": "outline", "points": read.points, "deviation": deviation} | changed
     with error_context("like"):
         like = _named(source, reference)
     fields = {name for kind in _KINDS.values() for name in kind.model_fields}
@@ -400,16 +449,18 @@ class _Table:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         kinds = [handler.resolve_ref_schema(kind) for kind in handler(schema)["oneOf"]]
-        for kind in kinds:
-            del kind["properties"]["name"]  # that of its table
-            for field in kind["properties"].values():
+        how = OutlineFile.model_json_schema()["properties"]
+        for properties in (*(kind["properties"] for kind in kinds), how):
+            properties.pop("name", None)  # that of its table
+            for field in properties.values():
                 field.pop("default", None)  # a number without a unit
         offset, blend, outline = (dict(kind["properties"]) for kind in kinds)
         required = [["law", *kind["required"]] for kind in kinds[:2]]
         like = {"like": {"enum": list(reference_sockets())}, **offset, **blend}
         like.pop("law")
         outline["outline"] = {"type": "string", "minLength": 1, "description": "name of a file"}
-        del outline["law"], outline["points"]
+        outline |= how
+        del outline["law"], outline["points"], outline["deviation"]
         tables = zip(
             (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
         )

@@ -23,7 +23,13 @@ from typing import Any
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "reliability.md"
 
-SUBJECTS = ("test_bad_input", "test_bad_outlines", "test_faults", "test_mpi_faults")
+SUBJECTS = (
+    "test_bad_input",
+    "test_bad_outlines",
+    "test_bad_data",
+    "test_faults",
+    "test_mpi_faults",
+)
 
 HEADER = """\
 # Reliability

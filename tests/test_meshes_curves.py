@@ -104,7 +104,7 @@ def test_a_curve_that_jumps_is_refused() -> None:
 
 @pytest.mark.parametrize("name", ["TC", "TSB", "HS"])
 def test_walls_have_one_thickness(name: str) -> None:
-    inner, outer = Socket.reference(name).faces(SKIN)
+    inner, outer = Socket.reference(name).faces(LIMB)
     assert cKDTree(dense(inner)).query(dense(outer))[0] == pytest.approx(4.5, abs=1e-3)
 
 
@@ -119,4 +119,4 @@ def test_bumps_are_gaussian_and_periodic() -> None:
 def test_a_socket_that_folds_over_is_refused() -> None:
     socket = NormalOffset(base=0.5, bumps=(Bump(center=90.0, width=0.5, amplitude=30.0),))
     with pytest.raises(InputError, match=r"a wall of 4.5 mm folds over where .* at 9\d degrees, "):
-        socket.faces(SKIN)
+        socket.faces(LIMB)

@@ -76,9 +76,11 @@ def shift_all(content: dict[str, Any]) -> None:
             curve["center"][0] += 200.0
 
 
+CANAL = {"type": "ellipse", "center": [27.2, 0.8], "semi_axes": [2.6, 2.0], "angle_deg": 110.0}
+
 LIMB_ERRORS: dict[str, tuple[Change, str]] = {
     "units": (lambda c: c.update(units="cm, deg"), "units: is 'cm, deg'; it must be 'mm, deg'"),
-    "missing key": (lambda c: c.pop("layers"), "layers: is missing; add it"),
+    "missing key": (lambda c: c.pop("curves"), "curves: is missing; add it"),
     "misspelt key": (
         lambda c: c.update(contact_boundry=c.pop("contact_boundary")),
         "unknown key 'contact_boundry'; did you mean 'contact_boundary'?",
@@ -155,10 +157,6 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
         lambda c: region(c, "tibia").update(holes=["tibia_medulary"]),
         "regions.tibia: no curve 'tibia_medulary'; did you mean 'tibia_medullary'?",
     ),
-    "no such neighbour": (
-        lambda c: region(c, "tibia").update(adjacent=["deep_facia"]),
-        "regions.tibia: no region 'deep_facia'; did you mean 'deep_fascia'?",
-    ),
     "one outer curve twice": (
         lambda c: region(c, "fibula").update(outer="tibia"),
         "regions.fibula.outer: 'tibia' is already the outer curve of tibia",
@@ -168,7 +166,10 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
         "regions.deep_fascia.holes: 'fibula' is already a hole of skin",
     ),
     "a second hole that nothing fills": (
-        lambda c: region(c, "fibula").update(holes=["fibula_medullary_optional"]),
+        lambda c: (
+            region(c, "fibula").update(holes=["canal"]),
+            c["curves"].update(canal=CANAL),
+        ),
         "fixed_boundary: 'tibia_medullary' must be the one hole",
     ),
     "a region outside": (
@@ -208,6 +209,43 @@ LIMB_ERRORS: dict[str, tuple[Change, str]] = {
         "contains an invalid character (half of a surrogate pair); retype it",
     ),
     "a key of two lines": (lambda c: c.update({"a\nb": 1}), "unknown key 'a\\nb'; allowed:"),
+    "sides without axes": (
+        lambda c: c.update(side="middle"),
+        "side: is 'middle'; it must be 'left' or 'right'",
+    ),
+    "an axis that points outside": (
+        lambda c: c["axes"].update({"+x": "outside"}),
+        "axes.+x: is 'outside'; it must be 'lateral', 'anterior', 'medial' or 'posterior'",
+    ),
+    "one axis": (
+        lambda c: c["axes"].pop("+y"),
+        "axes: give '+x' and '+y', or leave the axes out where they are not known",
+    ),
+    "both axes lateral": (
+        lambda c: c["axes"].update({"+y": "lateral"}),
+        "axes: +x lateral and +y lateral are not at right angles; one of them must be",
+    ),
+    "a right leg called left": (
+        lambda c: c.update(side="left leg seen from above (proximal)"),
+        "axes: +x is lateral and +y anterior, which is a left limb seen from below, not from above",
+    ),
+    "a fibula on the medial side": (
+        lambda c: c["axes"].update({"+x": "medial"}) or c.update(side="left"),
+        "axes: +x is medial and +y anterior, so that the fibula would lie posteromedial of the "
+        "tibia, but in every leg it is lateral and further back; correct axes (and side)",
+    ),
+    "a shin at the back": (
+        lambda c: c["axes"].update({"+y": "posterior"}) or c.update(seen_from="below"),
+        "axes: +x is lateral and +y posterior, so that the fibula would lie anterolateral of",
+    ),
+    "an area that the curves do not have": (
+        lambda c: region(c, "fibula").update(area=142.0),
+        "regions.fibula.area: is 142 mm^2, but its curves enclose 124.4; correct the curves",
+    ),
+    "an offset without layers": (
+        lambda c: c.pop("layers"),
+        "layers: is missing, but curves.skin_inner is an offset; add it",
+    ),
     "a hole outside": (
         lambda c: move(c, "fibula", 200.0, 0.0),
         "regions.deep_fascia: hole 'fibula' is not inside 'fascia_outer'",
@@ -270,6 +308,37 @@ def test_what_is_not_proper_json_is_refused(tmp_path: Path, text: str, expected:
     path.write_text(text)
     with pytest.raises(InputError, match=expected):
         Limb.read(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("limb.stl", "a surface mesh (STL)"),
+        ("LIMB.PLY", "a surface mesh (PLY)"),
+        ("limb.nii.gz", "a volume image (NII.GZ)"),
+        ("limb.png", "a picture (PNG)"),
+        ("limb.step", "a CAD model (STEP)"),
+        ("limb.csv", "a table (CSV)"),
+    ],
+)
+def test_what_is_no_limb_is_called_what_it_is(tmp_path: Path, name: str, kind: str) -> None:
+    (tmp_path / name).write_bytes(b"solid \x00\xff")
+    with pytest.raises(InputError) as caught:
+        Limb.read(tmp_path / name)
+    assert f"{name}: is {kind}; a limb is a JSON file of closed curves in mm" in str(caught.value)
+
+
+def test_a_byte_order_mark_is_dropped_and_utf_16_is_named(tmp_path: Path) -> None:
+    text = (FOLDER / "calf.json").read_text(encoding="utf-8")
+    path = tmp_path / "limb.json"
+    path.write_text(text, encoding="utf-8-sig")
+    assert Limb.read(path) == Limb.reference()
+    path.write_text(text, encoding="utf-16")
+    with pytest.raises(InputError, match=r"limb\.json: is UTF-16 text; save it as UTF-8"):
+        Limb.read(path)
+    toml = tmp_path / "socket.toml"
+    toml.write_text('like = "TC"\n', encoding="utf-8-sig")
+    assert Socket.read(toml) == Socket.reference("TC").model_copy(update={"name": "socket"})
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

@@ -90,7 +90,7 @@ def test_what_is_squeezed_is_the_overlap_over_the_tissue_above_bone() -> None:
 
 def test_an_outline_is_turned_about_the_origin_then_shifted() -> None:
     points = ring(54.0, waves=2.0)
-    found = outline(points, shift=(3.0, -1.0), rotation=90.0).inner_face(SKIN)
+    found = outline(points, shift=(3.0, -1.0), rotation=90.0).inner_face(LIMB)
     # (x, y) -> (-y, x): the first point, on +x, goes to +y.
     assert found.evaluate(0.0) == pytest.approx([3.0, 56.0 - 1.0])
     assert found.evaluate(found.knots[:-1]) == pytest.approx(
@@ -116,7 +116,34 @@ REFUSED = {
     ),
     "beside": (
         outline(ring(54.0), shift=(300.0, 0.0)),
-        ("lies beside the limb, 1", "mm away, centred at 0 degrees, (300.00, 0.00) mm"),
+        (
+            "lies beside the limb, 1",
+            "mm away, centred at 0 degrees, (300.00, 0.00) mm",
+            "; shift = ['0 mm', '0 mm'] centres it on the limb",
+        ),
+    ),
+    "half beside": (
+        outline(ring(54.0) + np.array([40.0, -30.0]), rotation=90.0),
+        ("reaches into bone", "; shift = ['-30 mm', '-40 mm'] centres it on the limb"),
+    ),
+    "as large as the limb": (
+        outline(SKIN.evaluate(SKIN.sample(3.0)), shift=(3.0, 0.0)),
+        (
+            "is not smaller than the limb (area lost 0.00 %): resting on the limb alone it only",
+            "until it presses nowhere; make it smaller by another drawing, or constrain it by "
+            "socket_support = 'outer-fixed'",
+        ),
+    ),
+    "as large, turned and scanned": (
+        outline(
+            SKIN.evaluate(SKIN.sample(3.0)) + np.random.default_rng(0).normal(0, 0.01, (144, 2)),
+            rotation=5.0,
+        ),
+        ("is not smaller than the limb (area lost ",),
+    ),
+    "larger, with a bump on one side": (
+        offset(-0.6, Bump(center=180, width=25, amplitude=1.0)),
+        ("is not smaller than the limb (area lost -", "by a larger `base`"),
     ),
     "around": (
         offset(-5.0),
@@ -144,6 +171,16 @@ REFUSED = {
         ("no circle blend reduces the area by 98 %",),
     ),
 }
+
+
+def test_a_socket_that_is_no_smaller_may_press_from_two_sides_or_be_fixed() -> None:
+    pinching = offset(
+        -0.4, Bump(center=0, width=20, amplitude=1.0), Bump(center=180, width=20, amplitude=1.0)
+    )
+    assert check_placement(pinching, LIMB).area_reduction < 0
+    moved = outline(SKIN.evaluate(SKIN.sample(3.0)), shift=(3.0, 0.0))
+    assert check_placement(moved, LIMB, floating=False).largest_overlap == pytest.approx(3, abs=0.1)
+    assert check_placement(offset(0.02), LIMB).area_reduction == pytest.approx(7.06e-4, rel=0.01)
 
 
 @pytest.mark.parametrize(("wrong", "expected"), REFUSED.values(), ids=REFUSED)

@@ -15,10 +15,13 @@ from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.ogden import Ogden
 from calfsocket.materials.tissues import FAT, MUSCLE_AND_FASCIA, SOCKET
 from calfsocket.meshes import curves, limb
+from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.outline import ReadOutline
 from calfsocket.meshes.socket import NormalOffset, Socket, reference_sockets, resolved
 from calfsocket.study import document
 from calfsocket.study.cases import Plan
+from calfsocket.study.files import Files
 from calfsocket.study.study import Study, example, variants
 
 STUDIES = Path(document.__file__).parent / "data"
@@ -109,7 +112,7 @@ def test_every_remark_of_the_example_can_be_used():
     assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
     tables = {
-        name: resolved(table, reference_sockets(), lambda _: RING)
+        name: resolved(table, reference_sockets(), lambda *_: ReadOutline(RING))
         for name, table in content["sockets"].items()
     }
     document.Document.model_validate(content | {"sockets": tables})
@@ -201,8 +204,43 @@ def test_an_outline_is_read_from_beside_the_study(tmp_path):
     # 1 mm off all round takes 1 mm of the perimeter; turned and moved it encloses the same.
     lost = skin.perimeter / skin.area
     assert case.placement.area_reduction == pytest.approx(lost, rel=0.02)
+    assert not Study.read(path).plan.notices
     record = Study.read(path).plan.source.files["inner.csv"]
-    assert len(record["content"]) == len(rows) and len(record["sha256"]) == 64
+    assert len(record["content"]["points"]) == len(rows) and len(record["sha256"]) == 64
+
+
+def test_two_curves_of_one_drawing_are_two_sockets_and_are_read_again_from_the_record(tmp_path):
+    random = np.random.default_rng(0)
+    calf = Limb.reference()
+
+    def polygon(handle: str, by: float, noise: float) -> str:
+        inner = curves.offset(calf.skin, lambda points: np.full(len(points), -by))
+        points = inner.evaluate(inner.sample(0.5))
+        points += random.normal(0, noise, points.shape)
+        return f'<polygon id="{handle}" points="{" ".join(f"{x},{-y}" for x, y in points)}"/>'
+
+    (tmp_path / "two.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="9mm" viewBox="0 0 9 9">'
+        f"{polygon('tight', 1.0, 0.0)}{polygon('scanned', 0.5, 0.05)}</svg>"
+    )
+    path = tmp_path / "study.toml"
+    path.write_text(
+        '[study]\nsockets = ["a", "b"]\nmaterials = ["combined"]\n'
+        '[sockets.a]\noutline = "two.svg"\ncurve = "tight"\n'
+        '[sockets.b]\noutline = "two.svg"\ncurve = "scanned"\n'
+    )
+    made = Study.read(path).plan
+    tight, scanned = made.cases
+    assert tight.placement.mean_overlap == pytest.approx(1.0, abs=0.01)
+    assert scanned.placement.mean_overlap == pytest.approx(0.5, abs=0.02)
+    assert tight.socket.deviation == 0 < scanned.socket.deviation < 0.2
+    notice = (
+        f"sockets.b: the outline was smoothed; the curve is up to {scanned.socket.deviation:.2f} mm"
+    )
+    assert [line.startswith(notice) for line in made.notices] == [True]
+    assert made.source.files.keys() == {"two.svg (curve = tight)", "two.svg (curve = scanned)"}
+    again = Files(tmp_path / "elsewhere", json.loads(json.dumps(made.source.files)))
+    assert again.outline("two.svg", OutlineFile(curve="scanned")).points == scanned.socket.points
 
 
 # ----- materials
@@ -374,6 +412,22 @@ def test_check_lists_cases_and_solves_nothing(tmp_path, capsys, monkeypatch):
     ]  # fmt: skip
     assert [line.split()[1] for line in cases] == ["3.15", "3.15", "5.00", "5.00"]
     assert [each.name for each in tmp_path.iterdir()] == ["study.toml"]
+
+
+def test_check_names_what_the_file_says_in_vain(tmp_path, capsys):
+    text = """
+    [study]
+    sockets = ["TC"]
+    materials = ["separate"]
+    quantities = ["contact_share"]
+    [sockets.pressure]
+    like = "HS"
+    [materials.liner]
+    """
+    (tmp_path / "study.toml").write_text(text)
+    assert cli.main(["check", str(tmp_path / "study.toml")]) == 0
+    said = "not used: sockets.pressure (no case), materials.liner (no case), study.quantities (no"
+    assert said in capsys.readouterr().out
 
 
 def test_show_draws(tmp_path, capsys):

@@ -2,14 +2,18 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, read_toml
 from calfsocket.materials.file import law_in
 from calfsocket.materials.laws import Law
-from calfsocket.meshes.curves import Point
+from calfsocket.meshes.drawn import OutlineFile
+
+if TYPE_CHECKING:
+    from calfsocket.meshes.outline import ReadOutline
 
 
 class Files:
@@ -33,11 +37,16 @@ class Files:
         """What was read so far: name -> sha256 and content."""
         return dict(sorted(self._content.items()))
 
-    def outline(self, name: str) -> tuple[Point, ...]:
-        """Points of an outline, mm."""
-        from calfsocket.meshes.outline import read_outline
+    def outline(self, name: str, file: OutlineFile) -> "ReadOutline":
+        """Outline of a socket."""
+        from calfsocket.meshes.outline import ReadOutline, read_outline
 
-        return tuple((float(x), float(y)) for x, y in self._read(name, read_outline))
+        # One file may hold several outlines.
+        unusual = dict(file).items() - dict(OutlineFile()).items()
+        how = ", ".join(f"{key} = {value}" for key, value in sorted(unusual))
+        content = self._read(name, lambda path: asdict(read_outline(path, file)), how)
+        points = tuple((float(x), float(y)) for x, y in content["points"])
+        return ReadOutline(points, float(content["deviation"]))
 
     def law(self, name: str) -> Law:
         """Law of a material file."""
@@ -50,19 +59,20 @@ class Files:
             for name, table in tables.items()
         }
 
-    def _read(self, name: str, read: Callable[[Path], Any]) -> Any:
-        """Return the content of a file, which is read once."""
-        if name not in self._content:
+    def _read(self, name: str, read: Callable[[Path], Any], how: str = "") -> Any:
+        """Return the content of a file, which is read once in each way."""
+        key = f"{name} ({how})" if how else name
+        if key not in self._content:
             if self._recorded is None:
                 path = self._folder / name
                 check_readable(path)
                 content = read(path)
-                self._content[name] = {"sha256": sha256(path), "content": content}
-            elif name in self._recorded:
-                self._content[name] = dict(self._recorded[name])
+                self._content[key] = {"sha256": sha256(path), "content": content}
+            elif key in self._recorded:
+                self._content[key] = dict(self._recorded[key])
             else:
-                raise InputError(f"{name}: is not one of the files recorded in that run.json")
-        return self._content[name]["content"]
+                raise InputError(f"{key}: is not one of the files recorded in that run.json")
+        return self._content[key]["content"]
 
 
 def sha256(path: Path) -> str:
