@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from calfsocket.contact.parameters import Contact as Contact
+    from calfsocket.imaging.limb import Limb as Limb
     from calfsocket.io.errors import CalfsocketError as CalfsocketError
     from calfsocket.io.errors import ConvergenceError as ConvergenceError
     from calfsocket.io.errors import InputError as InputError
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from calfsocket.materials.ogden import Ogden as Ogden
     from calfsocket.materials.yeoh import Yeoh as Yeoh
     from calfsocket.mechanics.stepping import LoadSteps as LoadSteps
-    from calfsocket.meshes.limb import Limb as Limb
     from calfsocket.meshes.socket import CircleBlend as CircleBlend
     from calfsocket.meshes.socket import NormalOffset as NormalOffset
     from calfsocket.meshes.socket import Outline as Outline
@@ -60,7 +60,7 @@ _MODULES = {
     "Ogden": "materials.ogden",
     "Yeoh": "materials.yeoh",
     "LoadSteps": "mechanics.stepping",
-    "Limb": "meshes.limb",
+    "Limb": "imaging.limb",
     "CircleBlend": "meshes.socket",
     "NormalOffset": "meshes.socket",
     "Outline": "meshes.socket",

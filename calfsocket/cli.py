@@ -14,6 +14,7 @@ import calfsocket
 from calfsocket.commands import BAD_INPUT, CASE_FAILED, OK, Command, study_files, tools
 from calfsocket.commands.calibrate import calibrate
 from calfsocket.commands.fit import fit
+from calfsocket.commands.limb import limb
 from calfsocket.commands.report import picture, report
 from calfsocket.commands.study import run, study
 from calfsocket.io.errors import CalfsocketError, InputError
@@ -24,6 +25,7 @@ PROGRAM = "python3 -m calfsocket"
 COMMANDS = {
     command.name: command
     for command in (
+        limb,
         study_files.new,
         study_files.check,
         study_files.show,

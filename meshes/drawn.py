@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 import shapely
@@ -56,6 +56,7 @@ class OutlineFile(Strict):
     tolerance: Annotated[float, Written(LENGTH, "0.2 mm"), Field(gt=0, le=2)] = TOLERANCE
     layer: str | None = None
     curve: str | None = None
+    extent: ClassVar[tuple[float, float]] = EXTENT  #: width and height that it may have, mm
 
 
 @dataclass(frozen=True)
@@ -103,14 +104,21 @@ class Drawn:
     unit: str = ""  #: what the file says of it, for errors
 
     @classmethod
-    def of(cls, path: Path, points: Array, places: Sequence[str], unit: str = "") -> Self:
+    def of(
+        cls,
+        path: Path,
+        points: Array,
+        places: Sequence[str],
+        unit: str = "",
+        extent: tuple[float, float] = EXTENT,
+    ) -> Self:
         """Leave out the points that stand on the one before them, as programs write them."""
         sides = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
         keep = np.flatnonzero(sides > SAME_POINT)
         drawn = cls(path, points[keep], [places[i] for i in keep], unit)
         number = len(keep)
         if number >= 4:
-            check_extent(path, drawn.points, EXTENT, unit)
+            check_extent(path, drawn.points, extent, unit)
         else:
             raise InputError(
                 f"{path}: has {number} {'point' if number == 1 else 'points'}; a closed curve"
@@ -170,13 +178,13 @@ def check_extent(path: Path, points: Array, allowed: tuple[float, float], unit: 
         meant = [
             name
             for name, factor in UNITS.items()
-            if EXTENT[0] <= factor * size.min() and factor * size.max() <= EXTENT[1]
+            if max(low, 1.0) <= factor * size.min() and factor * size.max() <= high
         ]
     remedy = f"{unit}, correct that" if unit else "give lengths in mm"
     hint = f" (drawn in {' or '.join(meant)}?)" if meant and not unit else ""
     raise InputError(
         f"{path}: the outline is {size[0]:.3g} x {size[1]:.3g} mm{hint}; allowed are"
-        f" {EXTENT[0]:g} to {EXTENT[1]:g} mm: {remedy}"
+        f" {low:g} to {high:g} mm: {remedy}"
     )
 
 
@@ -206,7 +214,8 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, file: OutlineFile) ->
     pieces = [piece for piece in pieces if not piece.problem]
     # Before lines of any length are cut into short ones.
     everything = np.concatenate([piece.points[:, :2] for piece in pieces] or [np.zeros((1, 2))])
-    check_extent(path, everything, (0.0, 10 * EXTENT[1]), unit)
+    if np.ptp(everything, axis=0).max() > 10 * EXTENT[1]:
+        check_extent(path, everything, file.extent, unit)
     pieces = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
     groups = _groups(pieces)
     if wrong and not file.curve:
@@ -219,7 +228,8 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, file: OutlineFile) ->
     if any(piece.sample for piece in loop):
         loop = [piece.dense() for piece in loop]
     points = np.concatenate([piece.points[:-1, :2] for piece in loop])
-    return Drawn.of(path, points, [place for piece in loop for place in piece.places[:-1]], unit)
+    places = [place for piece in loop for place in piece.places[:-1]]
+    return Drawn.of(path, points, places, unit, file.extent)
 
 
 def _on_layer(path: Path, pieces: Sequence[Piece], layer: str | None) -> Sequence[Piece]:

@@ -21,6 +21,9 @@ FEWEST = 32
 #: Smallest radius of curvature of a curve that counts as smooth, mm. A right angle rounded off so
 #: leaves its corner by 0.8 mm, so that none is lost within the usual tolerance.
 SMALLEST_RADIUS = 2.0
+#: Radius, mm, of an arc whose chord a side may be, and the longest such side, mm: the triangles of
+#: a scan are up to 8 mm wide. What is longer was drawn straight.
+_ARC, _CHORD = 10.0, 8.0
 #: Distance of the points at which drawing and curve are compared, mm.
 _COMPARED = 0.25
 #: Places on the curve that are tried for each point: some 0.02 mm apart.
@@ -33,7 +36,13 @@ _CAUTION = 1.4
 _ROUNDS = 3
 
 
-def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
+def fair(
+    points: Array,
+    tolerance: float,
+    noise: float = 0.0,
+    radius: float = SMALLEST_RADIUS,
+    step: float = KNOT_STEP,
+) -> tuple[Array, float, Array]:
     r"""Return points of a smooth closed curve near those given.
 
     A periodic cubic P-spline [1]_, which minimises
@@ -41,8 +50,9 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
     .. math:: \sum_i |x_i - f(t_i)|^2 + \lambda \sum_k |\Delta^3 c_k|^2
 
     over its coefficients c. :math:`\lambda` is that of the least generalised cross-validation
-    [2]_, which leaves the shape and takes the noise, or the next larger one with which the curve is
-    smooth: it does not cross itself, and its radius is nowhere less than `SMALLEST_RADIUS`.
+    [2]_, which leaves the shape and takes the noise, or the next smaller one that keeps the
+    tolerance, or the next larger one with which the curve is smooth:
+    it does not cross itself, and its radius is nowhere less than `radius`.
 
     Parameters
     ----------
@@ -50,13 +60,21 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
         A closed polygon, mm, counter-clockwise, at least `FEWEST`.
     tolerance
         Beyond this distance, mm, of the curve from the polygon it is not looked further.
+    noise
+        Root mean square, mm, of the points' distances from the curve where it is known, as for the
+        steps of voxels, which depend on each other: cross-validation would follow them.
+    radius
+        Smallest radius of curvature of a curve that counts as smooth, mm.
+    step
+        Distance of the knots, mm.
 
     Returns
     -------
     points : Array
         For `curves.through`.
     deviation : float
-        Largest distance of the curve from vertices and sides of the polygon, mm.
+        Largest distance of the curve from vertices and sides of the polygon, mm; of sides, without
+        what an arc of `_ARC` over them explains.
     place : Array
         Where.
 
@@ -70,24 +88,44 @@ def fair(points: Array, tolerance: float) -> tuple[Array, float, Array]:
        doi:10.1046/j.1369-7412.2003.05316.x.
     """
     ring = shapely.LinearRing(points)
-    on_ring = shapely.get_coordinates(shapely.segmentize(ring, _COMPARED))
+    sides, arcs = _on_sides(points)
     share = (
         np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1).cumsum() / ring.length
     )
-    number = int(np.clip(ring.length / KNOT_STEP, 16, MOST_KNOTS))
+    number = int(np.clip(ring.length / step, 16, MOST_KNOTS))
     for _ in range(_ROUNDS):
         fit = _Fit(points, share, min(number, len(points)))
-        best = fit.best()
+        best = fit.best(noise)
         places = np.linspace(0, 1, _PLACES, endpoint=False)
         share = places[cKDTree(fit.spline(best)(places)).query(points)[1]]
-    for weight in _WEIGHTS[_WEIGHTS >= best]:
+
+    def at(weight: float) -> tuple[Array, Array]:
         found = fit.spline(weight)(np.arange(number) / number)
         curve = curves.through(found)
-        distance = cKDTree(curve.evaluate(curve.sample(0.05))).query(on_ring)[0]
+        off = cKDTree(curve.evaluate(curve.sample(0.05))).query(sides)[0]
+        return found, np.maximum(off - arcs, 0.0)
+
+    if at(best)[1].max() > tolerance:
+        # What is noise on the whole may be shape at one place.
+        closer = (float(weight) for weight in _WEIGHTS[_WEIGHTS < best][::-1])
+        best = next((weight for weight in closer if at(weight)[1].max() <= tolerance), best)
+    for weight in _WEIGHTS[_WEIGHTS >= best]:
+        found, distance = at(weight)
         worst = int(np.argmax(distance))
-        if distance[worst] > tolerance or _is_smooth(curve):
+        if distance[worst] > tolerance or _is_smooth(curves.through(found), radius):
             break
-    return found, float(distance[worst]), on_ring[worst]
+    return found, float(distance[worst]), sides[worst]
+
+
+def _on_sides(points: Array) -> tuple[Array, Array]:
+    """Return vertices of a polygon and points between them, and by how much an arc leaves these."""
+    closed = np.concatenate([points, points[:1]])
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1)))
+    even = np.union1d(along[:-1], np.arange(0.0, along[-1], _COMPARED))
+    side = np.clip(np.searchsorted(along, even, side="right") - 1, 0, len(along) - 2)
+    before, after = even - along[side], along[side + 1] - even
+    between = np.column_stack([np.interp(even, along, closed[:, i]) for i in (0, 1)])
+    return between, np.where(before + after <= _CHORD, before * after / (2 * _ARC), 0.0)
 
 
 class _Fit:
@@ -117,15 +155,21 @@ class _Fit:
         coefficients = self._vectors @ (filter_[:, None] * (self._vectors.T @ self._moment))
         return coefficients, float(np.sum(filter_ * (1 - _WEIGHTS[0] * self._scale)))
 
-    def best(self) -> float:
-        """Return the weight of the least generalised cross-validation."""
+    def best(self, noise: float) -> float:
+        """Return the weight of the least generalised cross-validation, or that of the noise."""
+
+        def misfit(weight: float) -> float:
+            off = self._points - self._base @ self._coefficients(weight)[0]
+            return float(np.sum(off**2))
 
         def score(weight: float) -> float:
-            coefficients, free = self._coefficients(weight)
-            misfit = np.sum((self._points - self._base @ coefficients) ** 2)
-            return float(misfit / max(len(self._points) - _CAUTION * free, 1e-9) ** 2)
+            free = self._coefficients(weight)[1]
+            return misfit(weight) / max(len(self._points) - _CAUTION * free, 1e-9) ** 2
 
-        return min(map(float, _WEIGHTS), key=score)
+        least = min(map(float, _WEIGHTS), key=score)
+        allowed = len(self._points) * noise**2
+        explained = [w for w in map(float, _WEIGHTS) if w > least and misfit(w) <= allowed]
+        return max([least, *explained])
 
     def spline(self, weight: float) -> BSpline:
         """Return the curve over shares of the way around."""
@@ -133,6 +177,6 @@ class _Fit:
         return BSpline(self._knots, np.concatenate([coefficients, coefficients[:3]]), 3)
 
 
-def _is_smooth(curve: ClosedCurve) -> bool:
+def _is_smooth(curve: ClosedCurve, radius: float) -> bool:
     sharpest = np.abs(curve.curvature(curve.sample(0.25))).max()
-    return bool(sharpest <= 1 / SMALLEST_RADIUS) and curves.crossing_of(curve) is None
+    return bool(sharpest <= 1 / radius) and curves.crossing_of(curve) is None

@@ -15,7 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.files import kind_of
+from calfsocket.io.files import kind_of, write_json
 from calfsocket.io.schema import Strict, nearest, read_json
 from calfsocket.meshes import curves, tags
 from calfsocket.meshes.curves import (
@@ -31,6 +31,7 @@ from calfsocket.meshes.frame import Direction, Frame, View
 
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
+Origin = Literal["measured", "atlas", "assumed"]
 #: Curves closer than this, mm, are taken for touching: no element would fit between them.
 MIN_GAP = 0.1
 #: Distance of the points at which curves are compared, mm.
@@ -110,7 +111,9 @@ class Region(Strict):
     """What lies inside the outer curve and outside the holes.
 
     The number `id` is the next free one unless given. An `area`, mm^2, is compared with that of the
-    curves, so that a slip in a point is found.
+    curves, so that a slip in a point is found. Where the limb was made from a source, `origin` says
+    whether the source has the region or where else it comes from, and `deviation_mm` how far its
+    outer curve is from the source's points at most.
     """
 
     id: PositiveInt
@@ -119,11 +122,48 @@ class Region(Strict):
     area: PositiveFloat | None = None
     outer: str
     holes: tuple[str, ...] = ()
+    origin: Origin | None = None
+    deviation_mm: Annotated[float, Field(ge=0)] | None = None
 
     @property
     def loops(self) -> tuple[str, ...]:
         """Names of all curves that bound the region, the outer one first."""
         return (self.outer, *self.holes)
+
+
+class Provenance(Strict):
+    """Where a limb was made from.
+
+    Attributes
+    ----------
+    files : mapping of str to str
+        Names of the source's files, and their hashes (SHA-256).
+    level : str, optional
+        Where the section lies, as it was asked for.
+    height : float
+        The same as a share of the source's height, 0 distal and 1 proximal.
+    origin, normal, anterior : tuple of float
+        The section's origin, mm, its normal to the proximal end and its +y, in the source's axes.
+    tolerance_mm : float
+        Largest distance of the curves from the source's points.
+    program : str
+        What made it, with its version.
+    found, assumed, notes : tuple of str
+        How side and directions were found; what the source does not have; where layers are thinner
+        than in the atlas, and what was changed to fit.
+    """
+
+    files: dict[str, str]
+    level: str | None = None
+    height: float | None = None
+    origin: tuple[float, float, float] | None = None
+    normal: tuple[float, float, float] | None = None
+    anterior: tuple[float, float, float] | None = None
+    tolerance_mm: float
+    program: str
+    found: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 #: Keys that files of earlier versions have and from which nothing follows: of a limb, of a region.
@@ -157,6 +197,8 @@ class Limb(Strict):
         What is meshed.
     remarks : tuple of str
         Keys of the file that nothing is computed from (`notices` names them).
+    source : Provenance, optional
+        What it was made from.
     """
 
     title: str = "A limb"
@@ -170,6 +212,7 @@ class Limb(Strict):
     curves: dict[str, Curve]
     regions: Annotated[tuple[Region, ...], Field(min_length=1)]
     remarks: tuple[str, ...] = ()
+    source: Provenance | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -237,10 +280,17 @@ class Limb(Strict):
         path = Path(path)
         if kind := kind_of(path):
             raise InputError(
-                f"{path}: is {kind}; a limb is a JSON file of closed curves in mm and the regions"
-                " between them: see docs/formats/geometry.md"
+                f"{path}: is {kind}; a limb is a JSON file, which `python3 -m calfsocket limb`"
+                " makes of scans, label maps and outlines: see its --help"
             )
         return read_json(path, cls)
+
+    def write(self, path: Path | str) -> None:
+        """Write the limb so that `read` gives it back."""
+        path = Path(path)
+        if path.suffix != ".json":
+            raise InputError(f"{path}: limbs are JSON files; use a name that ends in .json")
+        write_json(path, self.model_dump(mode="json", exclude_defaults=True))
 
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":

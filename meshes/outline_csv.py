@@ -59,7 +59,7 @@ def read_csv(path: Path, file: OutlineFile) -> Drawn:
     if len(points) > 1 and np.linalg.norm(points[0] - points[-1]) <= SAME_POINT:
         points, places = points[:-1], places[:-1]
     said = f"its header says {unit}" if unit not in ("", "mm") else ""
-    drawn = Drawn.of(path, points[:, :2], places, said)
+    drawn = Drawn.of(path, points[:, :2], places, said, file.extent)
     _check_closed(drawn)
     return drawn
 

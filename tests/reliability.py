@@ -26,6 +26,8 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "reliability.md"
 SUBJECTS = (
     "test_bad_input",
     "test_bad_outlines",
+    "test_bad_sources",
+    "test_bad_sections",
     "test_bad_data",
     "test_faults",
     "test_mpi_faults",

@@ -325,7 +325,7 @@ def test_what_is_no_limb_is_called_what_it_is(tmp_path: Path, name: str, kind: s
     (tmp_path / name).write_bytes(b"solid \x00\xff")
     with pytest.raises(InputError) as caught:
         Limb.read(tmp_path / name)
-    assert f"{name}: is {kind}; a limb is a JSON file of closed curves in mm" in str(caught.value)
+    assert f"{name}: is {kind}; a limb is a JSON file, which" in str(caught.value)
 
 
 def test_a_byte_order_mark_is_dropped_and_utf_16_is_named(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ PACKAGE = REPOSITORY / "calfsocket"
 FLOORS = (
     ("io",),
     ("parallel", "forms", "meshes"),
-    ("materials",),
+    ("materials", "imaging"),
     ("contact",),
     ("mechanics",),
     ("postprocess",),

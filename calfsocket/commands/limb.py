@@ -1,0 +1,271 @@
+"""The command ``limb``: a section of somebody's limb from a scan."""
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands import command, first_rank, group, option
+from calfsocket.io.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from calfsocket.imaging.anatomy import Said
+    from calfsocket.imaging.limb import Imported
+    from calfsocket.imaging.plane import Level
+    from calfsocket.imaging.section import Section
+
+
+#: Levels of one limb that may be asked for at once.
+MOST_LEVELS = 200
+
+
+@command(
+    option(
+        "source", type=Path, nargs="+", metavar="SOURCE", help="file of a limb, or of its parts"
+    ),
+    option(
+        "--level",
+        metavar="LEVEL",
+        help="share of the height, 0 distal to 1 proximal, or '80 mm', '80 mm from proximal'"
+        " (default: 0.5)",
+    ),
+    option(
+        "--levels",
+        metavar="FROM:TO:N",
+        help="N levels from one share to another, e.g. 0.2:0.8:13; a file for each",
+    ),
+    option(
+        "--plane",
+        metavar="X,Y,Z,NX,NY,NZ",
+        help="a point and a normal in the source's axes, instead of a level",
+    ),
+    option(
+        "--out",
+        type=Path,
+        default=Path("limb.json"),
+        metavar="FILE.json",
+        help="default: %(default)s; the picture has its name with .png",
+    ),
+    option(
+        "--tolerance",
+        type=float,
+        metavar="MM",
+        help="largest distance of the curves from the data (default: 0.2 mm; of a label map half"
+        " a voxel)",
+    ),
+    group(
+        "what lies between skin and bones",
+        option(
+            "--tissues",
+            default="atlas",
+            choices=("atlas", "lumped"),
+            help="the reference calf's regions carried into the section, or one soft tissue "
+            "(default: %(default)s)",
+        ),
+        option("--skin-thickness", type=float, metavar="MM", help="default: the reference's, 1.6"),
+        option(
+            "--fat-thickness",
+            type=float,
+            metavar="MM",
+            help="mean, for the atlas (default: the reference's, to scale)",
+        ),
+        option(
+            "--crest",
+            type=float,
+            metavar="DEG",
+            help="anatomical angle of the tibia's crest (90 is"
+            " anterior), for a scan of the skin alone",
+        ),
+        option(
+            "--fibular-head", type=float, metavar="DEG", help="that of the fibula (0 is lateral)"
+        ),
+    ),
+    group(
+        "what the source does not tell",
+        option(
+            "--units",
+            default="mm",
+            choices=("mm", "cm", "m", "inch"),
+            help="of the files (default: %(default)s)",
+        ),
+        option("--side", choices=("left", "right"), help="of the body"),
+        option(
+            "--proximal", metavar="DIR", help="where the trunk is: +z, --proximal=-z or 0.1,0,1"
+        ),
+        option("--anterior", metavar="DIR", help="where the front is, in the same way"),
+        *(
+            option(f"--{role}", metavar="NAME", help=f"file or shell that is the {what}")
+            for role, what in (
+                ("skin", "skin"),
+                ("muscle", "envelope of all muscles"),
+                ("tibia", "tibia"),
+                ("fibula", "fibula"),
+            )
+        ),
+        option(
+            "--labels",
+            type=Path,
+            metavar="FILE.csv",
+            help="what the labels of a label map are: a line such as 3,tibia for each",
+        ),
+        option(
+            "--seen-from",
+            default="above",
+            choices=("above", "below"),
+            help="from where a section was drawn (default: %(default)s)",
+        ),
+        option("--voxel", metavar="X,Y,Z", help="size of a voxel of a stack of pictures, mm"),
+    ),
+    description="""\
+Make a limb from surfaces of its skin and bones, from a label map, or from outlines: a section
+square to the tibia's axis, with smooth curves within a tolerance of the data, and in it the regions
+of the reference calf. Write it as JSON, for `limb = ...` in a study file, with a picture of the
+section over the source.
+
+SOURCE is STL, PLY, OBJ, VTP or AOP, in mm: a file for each tissue (skin.stl, tibia.stl, ...), or
+one with several closed shells, of which skin and bones are told by nesting and size. Level 0 is the
+distal end. Or it is a label map: NIfTI, NRRD, MetaImage, a TIFF of several pages, or a folder of
+PNG or TIFF slices. Or it is the section itself: a CSV, DXF or SVG outline for each of skin.csv,
+tibia.csv, ..., or one drawing with a layer for each. Side and directions follow from tibia and
+fibula where the source has both.
+""",
+    epilog="""\
+examples:
+  python3 -m calfsocket limb leg.stl --level 0.4 --out my-limb.json
+  python3 -m calfsocket limb skin.ply tibia.ply fibula.ply --level '120 mm' --side left
+  python3 -m calfsocket limb segmentation.nii.gz --labels labels.csv --level 0.5
+  python3 -m calfsocket limb leg.stl --levels 0.2:0.8:13 --out my-limb.json
+  python3 -m calfsocket limb scan.aop --side left --anterior +y
+""",
+)
+@first_rank
+def limb(arguments: Namespace) -> None:
+    """Make a limb from a scan of its surface and bones."""
+    from calfsocket.imaging.limb import Filling, imported
+    from calfsocket.plotting.source import draw_source
+
+    out = arguments.out
+    if out.suffix != ".json":
+        raise InputError(f"--out {out}: limbs are JSON files; use a name that ends in .json")
+    filling = Filling(
+        arguments.tissues,
+        arguments.skin_thickness,
+        arguments.fat_thickness,
+        arguments.crest,
+        arguments.fibular_head,
+    )
+
+    def write(section: "Section", path: Path) -> None:
+        made = imported(section, filling)
+        made.limb.write(path)
+        draw_source(made.limb, made.section.data, path.with_suffix(".png"))
+        print(summary(made))
+        print(f"written to {path} and {path.with_suffix('.png')}")
+
+    if not arguments.levels:
+        write(_cut(arguments)(None), out)
+        return
+    levels, refused = _levels(arguments), []
+    cut = _cut(arguments)
+    for level in levels:
+        try:
+            write(cut(level), out.with_stem(f"{out.stem}_{level.share:.3f}"))
+        except InputError as error:
+            refused.append(str(error))
+    if len(refused) == len(levels):
+        raise InputError(f"--levels: none can be made; the first: {refused[0]}")
+    for line in refused:
+        print(f"left out: {line}")
+
+
+def _levels(arguments: Namespace) -> "list[Level]":
+    """Read FROM:TO:N."""
+    from calfsocket.imaging.plane import Level
+
+    if arguments.level or arguments.plane:
+        raise InputError("--levels: is given with --level or --plane; give one of them")
+    try:
+        low, high, number = arguments.levels.split(":")
+        shares = float(low), float(high)
+        count = int(number)
+    except ValueError:
+        count = 0
+    if not 2 <= count <= MOST_LEVELS:
+        raise InputError(
+            f"--levels: is '{arguments.levels}'; give FROM:TO:N with shares of the height and a"
+            f" number of 2 to {MOST_LEVELS}, such as 0.2:0.8:13"
+        )
+    low, high = shares
+    step = (high - low) / (count - 1)
+    return [Level.parse(round(low + step * i, 6)) for i in range(count)]
+
+
+def _cut(arguments: Namespace) -> "Callable[[Level | None], Section]":
+    """Return what makes sections of the source, which is read once."""
+    from calfsocket.imaging.anatomy import Said, find_anatomy
+    from calfsocket.imaging.drawing import is_drawing
+    from calfsocket.imaging.limb import plane_of, read_source, voxel_of
+    from calfsocket.imaging.plane import Level
+    from calfsocket.imaging.section import section
+    from calfsocket.imaging.source import ROLES
+
+    said = Said(arguments.side, arguments.proximal, arguments.anterior)
+    roles = {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
+    if any(map(is_drawing, arguments.source)):
+        return lambda _: _drawn(arguments, said, roles)
+    plane = plane_of(arguments.plane) if arguments.plane else None
+    if plane and arguments.level:
+        raise InputError("--plane: is given with --level; give one of them")
+    chosen = None if plane else Level.parse(arguments.level or 0.5)
+    voxel = voxel_of(arguments.voxel) if arguments.voxel else None
+    source = read_source(arguments.source, arguments.units, roles, arguments.labels, voxel)
+    anatomy = find_anatomy(source, said)
+    return lambda level: section(source, anatomy, level or chosen, plane, arguments.tolerance)
+
+
+def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Section":
+    """Return the section that was drawn."""
+    from calfsocket.imaging.drawing import read_outlines, roles_of
+    from calfsocket.imaging.section import TOLERANCE
+
+    for name, value in (
+        ("--level", arguments.level),
+        ("--levels", arguments.levels),
+        ("--plane", arguments.plane),
+        ("--labels", arguments.labels),
+        ("--voxel", arguments.voxel),
+        ("--proximal", arguments.proximal),
+        ("--units", arguments.units != "mm"),
+    ):
+        if value:
+            raise InputError(f"{name}: does not belong to a drawing of the section; omit it")
+    tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
+    parts = roles_of(arguments.source, roles)
+    return read_outlines(parts, said, arguments.seen_from, tolerance)
+
+
+def summary(made: "Imported") -> str:
+    """Return a table of a limb's regions, and how it was found."""
+    section, areas, source = made.section, made.limb.areas, made.limb.source
+    share = "" if section.height is None else f" ({100 * section.height:.0f} % of the height)"
+    lines = [
+        f"{made.limb.title}{share}",
+        f"  {'region':29} {'tissue':8} {'mm2':>8}  {'origin':8}  deviation",
+    ]
+    for region in made.limb.regions:
+        off = "" if region.deviation_mm is None else f"{region.deviation_mm:6.2f} mm"
+        lines.append(
+            f"  {region.name:29} {region.tissue:8} {areas[region.name]:8.1f}  "
+            f"{region.origin or '':8}  {off}".rstrip()
+        )
+    if made.atlas:
+        low, high = made.atlas.smallest_determinant, made.atlas.largest_determinant
+        lines.append(f"  areas of the atlas change by factors of {low:.2f} to {high:.2f}")
+        for layer, thick in made.atlas.thickness.items():
+            lines.append(f"  {layer}: {thick.median:.2f} mm thick, {thick.smallest:.2f} at least")
+    assert source is not None
+    lines += [f"  {line}" for line in source.found]
+    lines += [f"  assumed: {line}" for line in source.assumed]
+    lines += [f"  note: {line}" for line in source.notes]
+    return "\n".join(lines)

@@ -1,0 +1,329 @@
+"""A section of a source: its outlines as smooth curves in the anatomical frame."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from calfsocket.imaging.anatomy import Anatomy
+from calfsocket.imaging.outlines import Outline, SectionOutlines
+from calfsocket.imaging.plane import Cut, Level, Plane, cut
+from calfsocket.imaging.source import Source
+from calfsocket.imaging.surface import Shell
+from calfsocket.io.errors import InputError, error_context
+from calfsocket.meshes import curves
+from calfsocket.meshes.curves import Array, xy
+from calfsocket.meshes.fairing import FEWEST, fair
+from calfsocket.meshes.frame import Frame
+
+#: Largest distance, mm, of the curves from a surface, unless said otherwise.
+TOLERANCE = 0.2
+#: Root mean square of the distances of a curve from the steps of voxels that it went through, in
+#: voxels: 0.16 to 0.25 for the outlines of the reference calf.
+_STEPS = 0.18
+#: Smallest radius of curvature, mm, that is tried for a curve, one after the other until it stays
+#: within the tolerance. A skin bends less than a bone: 15 mm in the reference calf, whose bones
+#: bend by 2 mm; what bends more is noise. A socket's wall of 4.5 mm needs 5 mm.
+SKIN_RADII, RADII = (20.0, 10.0, 5.0, 2.0, 1.0), (2.0, 1.0)
+#: Distance of the knots, mm.
+_KNOTS = 1.0
+#: A second part of a bone or of the skin with more than this share of the area of the first is no
+#: debris.
+_SECOND_PART = 0.05
+#: A hole in a bone with more than this share of its area is its marrow cavity.
+_CAVITY = 0.1
+#: A bone with a smaller area than this, mm^2, ends there: elements of it would be a handful.
+_TIP = 20.0
+#: Distance of the points, mm, by which outlines with few vertices are followed.
+_STEP = 0.5
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a source.
+
+    Attributes
+    ----------
+    outlines : SectionOutlines
+        What it consists of.
+    data : mapping of str to Array
+        The outlines as the source has them, mm, in the section's axes, by name.
+    names : str
+        Of the source's files.
+    files : mapping of str to str
+        Their names and hashes.
+    plane : Plane, optional
+        Where it lies; its origin is that of the outlines. None where the section was drawn.
+    level : Level, optional
+        Along the limb; None where a plane was given.
+    height : float, optional
+        Share of the source's height from its distal end.
+    tolerance : float
+        Largest distance of the curves from the data, mm.
+    remarks : sequence of str
+        How it was found, and what was left out.
+    """
+
+    outlines: SectionOutlines
+    data: Mapping[str, Array]
+    names: str
+    files: Mapping[str, str]
+    plane: Plane | None
+    level: Level | None
+    height: float | None
+    tolerance: float
+    remarks: Sequence[str]
+
+    @property
+    def where(self) -> str:
+        """Say where in the source it lies; empty where it was drawn."""
+        if self.level:
+            return f"level {self.level}"
+        return "a plane" if self.plane else ""
+
+    @property
+    def title(self) -> str:
+        """Name it for reports."""
+        return f"{self.names}, {self.where}" if self.where else self.names
+
+
+def section(
+    source: Source,
+    anatomy: Anatomy,
+    level: Level | None,
+    plane: tuple[Sequence[float], Sequence[float]] | None = None,
+    tolerance: float | None = None,
+) -> Section:
+    """Cut a source.
+
+    Parameters
+    ----------
+    level
+        Where along the limb, square to its axis.
+    plane
+        A point of the plane, mm in the source's axes, and its normal, instead of a level.
+    tolerance
+        Largest distance of the curves from the data, mm; default: `TOLERANCE`, of a label map half
+        a voxel.
+
+    Raises
+    ------
+    InputError
+        When the outline of a part is open there, in several parts, or not where it must be.
+    """
+    where, height = _place(source, anatomy, level, plane)
+    voxel = source.resolution(np.stack([where.x, where.y]))
+    if tolerance is None:
+        tolerance = voxel / 2 or TOLERANCE
+    if not 0 < tolerance <= _MOST_TOLERANCE:
+        raise InputError(
+            f"tolerance: is {tolerance:g} mm; it must be more than 0, at most {_MOST_TOLERANCE:g}"
+        )
+    at = f"{source.names}, level {level}" if level else f"{source.names}, the plane"
+    skin = _body(_cut(source.skin, where, at, "skin"), at, "skin")
+    if skin is None:
+        raise InputError(f"{at}: does not meet the skin; choose a level inside the limb")
+    bodies: dict[str, shapely.Polygon] = {}
+    bones: list[str] = []
+    cavities: dict[str, shapely.Polygon] = {}
+    remarks: list[str] = []
+    for name, shell in source.bones.items():
+        body = _body(_cut(shell, where, at, name), at, name)
+        if body is None:
+            continue
+        if body.area < _TIP:
+            remarks.append(f"{name}: its tip of {body.area:.0f} mm2 is left out")
+            continue
+        bones.append(name)
+        bodies[name] = shapely.Polygon(body.exterior)
+        holes = sorted((shapely.Polygon(hole) for hole in body.interiors), key=lambda h: -h.area)
+        if name in source.cavities:
+            inner = _body(_cut(source.cavities[name], where, at, f"cavity of {name}"), at, name)
+            holes = [shapely.Polygon(inner.exterior)] if inner else []
+        if holes and holes[0].area > _CAVITY * bodies[name].area:
+            cavities[name] = holes[0]
+    _check_bones(source, anatomy, at, bones)
+    regions = {}
+    for name, (tissue, shell) in source.regions.items():
+        body = _body(_cut(shell, where, at, name), at, name)
+        if body is not None:
+            regions[name] = (tissue, shapely.Polygon(body.exterior))
+    muscle = None
+    if source.muscle is not None:
+        muscle = _body(_cut(source.muscle, where, at, "muscle"), at, "muscle")
+    whole = shapely.Polygon(skin.exterior)
+    for name, body in bodies.items():
+        if not whole.contains(body):
+            out = np.array(body.difference(whole).centroid.coords[0])
+            raise InputError(
+                f"{at}: {name} leaves the skin by {body.hausdorff_distance(body & whole):.2g} mm"
+                f" near {xy(out - _centroid(whole))}; correct the surfaces, or choose another level"
+            )
+    centre = _centroid(whole)
+    data: dict[str, Array] = {}
+
+    def outline(name: str, body: shapely.Polygon, most: float) -> Outline:
+        points = _counter_clockwise(body) - centre
+        data[name] = points
+        radii = SKIN_RADII if name in ("skin", "muscle") else RADII
+        found = smooth_outline(points, most, f"{at}, {name}", radii, _STEPS * voxel)
+        if found.deviation_mm > tolerance:
+            remarks.append(f"{name}: leaves the data by {found.deviation_mm:.2f} mm")
+        return found
+
+    front = "anterior" if anatomy.anterior is not None else None
+    lateral = {"right": "lateral", "left": "medial", None: None}[anatomy.side]
+    outlines = SectionOutlines(
+        skin=outline("skin", whole, tolerance),
+        bones={name: outline(name, bodies[name], tolerance) for name in bones},
+        cavities={
+            name: outline(f"cavity of {name}", body, _MOST_TOLERANCE)
+            for name, body in cavities.items()
+        },
+        muscle_envelope=outline("muscle", muscle, tolerance) if muscle else None,
+        regions={
+            name: (tissue, outline(name, body, _MOST_TOLERANCE))
+            for name, (tissue, body) in regions.items()
+        },
+        frame=Frame(lateral, front) if front and lateral else Frame(),  # type: ignore[arg-type]
+        side=anatomy.side,
+    )
+    shifted = Plane(where.origin + centre[0] * where.x + centre[1] * where.y, where.x, where.y)
+    return Section(
+        outlines=outlines,
+        data=data,
+        names=source.names,
+        files=source.files,
+        plane=shifted,
+        level=level,
+        height=height,
+        tolerance=tolerance,
+        remarks=(*source.remarks, *anatomy.found, *remarks),
+    )
+
+
+#: mm. A curve further away from the data than this shows another limb.
+_MOST_TOLERANCE = 5.0
+
+
+def _place(
+    source: Source,
+    anatomy: Anatomy,
+    level: Level | None,
+    plane: tuple[Sequence[float], Sequence[float]] | None,
+) -> tuple[Plane, float]:
+    """Return the plane of a section and its share of the height."""
+    low, high = anatomy.low, anatomy.high
+    if plane is None:
+        assert level is not None
+        with error_context(source.names):
+            height = level.height(low, high)
+        return anatomy.plane(height), (height - low) / (high - low)
+    origin, normal = (np.asarray(each, dtype=float) for each in plane)
+    normal = normal / np.linalg.norm(normal)
+    if abs(normal @ anatomy.axis) < _STEEPEST:
+        raise InputError(
+            f"{source.names}, plane: lies along the limb, not across it; its normal is"
+            f" {np.degrees(np.arccos(abs(normal @ anatomy.axis))):.0f} degrees from the axis"
+        )
+    normal = normal * np.sign(normal @ anatomy.axis)
+    share = ((origin - anatomy.centre) @ anatomy.axis - low) / (high - low)
+    return Plane.square_to(normal, origin, anatomy.anterior), float(share)
+
+
+#: Cosine of the largest angle between the normal of a section and the limb's axis: 45 degrees.
+_STEEPEST = 0.7
+
+
+def _cut(shell: Shell, plane: Plane, at: str, name: str) -> Cut:
+    found = cut(shell.surface, plane)
+    if found.gap:
+        assert found.place is not None
+        raise InputError(
+            f"{at}: the outline of {name} is open by {found.gap:.3g} mm near"
+            f" {xyz(plane, found.place)} (a hole or the rim of the surface); choose a level where"
+            " it is closed, or close it"
+        )
+    return found
+
+
+def xyz(plane: Plane, flat: Array) -> str:
+    """Return a place of a plane in the source's axes for messages."""
+    x, y, z = np.round(plane.origin + flat[0] * plane.x + flat[1] * plane.y, 1) + 0.0
+    return f"({x:g}, {y:g}, {z:g}) mm"
+
+
+def _body(found: Cut, at: str, name: str) -> shapely.Polygon | None:
+    """Return the one body that a part must be; None where it is not met."""
+    if not found.bodies:
+        return None
+    first, *others = found.bodies
+    second = [other for other in others if other.area > _SECOND_PART * first.area]
+    if second:
+        areas = ", ".join(f"{each.area:.0f}" for each in (first, *second))
+        raise InputError(
+            f"{at}: {name} is in {len(second) + 1} parts there ({areas} mm2); choose a level where"
+            " it is in one"
+        )
+    return first
+
+
+def _check_bones(source: Source, anatomy: Anatomy, at: str, bones: Sequence[str]) -> None:
+    """Raise an InputError where the source has a tibia but the level misses it."""
+    tibia = source.bones.get("tibia")
+    if tibia is None or "tibia" in bones:
+        return
+    heights = (tibia.surface.points - anatomy.centre) @ anatomy.axis
+    size = anatomy.high - anatomy.low
+    low, high = ((value - anatomy.low) / size for value in (heights.min(), heights.max()))
+    met = f", which meets {' and '.join(bones)}" if bones else ""
+    raise InputError(
+        f"{at}: lies beyond the tibia{met}; the tibia is between {low:.2f} and {high:.2f} of the"
+        " height"
+    )
+
+
+def _centroid(body: shapely.Polygon) -> Array:
+    return np.array(body.centroid.coords[0])
+
+
+def _counter_clockwise(body: shapely.Polygon) -> Array:
+    points: Array = shapely.get_coordinates(body.exterior)[:-1]
+    if not body.exterior.is_ccw:
+        points = points[::-1]
+    # Where VTK begins depends on how the surface lies: begin at the one that is furthest right.
+    return np.roll(points, -int(np.argmax(points[:, 0])), axis=0)
+
+
+def smooth_outline(
+    points: Array, tolerance: float, at: str, radii: Sequence[float] = RADII, noise: float = 0.0
+) -> Outline:
+    """Return the smooth curve within a tolerance, mm, of a closed polygon.
+
+    Parameters
+    ----------
+    at
+        What it is, for errors.
+    radii
+        Smallest radii of curvature, mm, in the order in which they are tried.
+    noise
+        Root mean square of its steps, mm, where they come from voxels.
+    """
+    ring = shapely.LinearRing(points)
+    if len(points) < FEWEST:  # of a coarse surface: its sides are what is known
+        points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
+    if len(points) < FEWEST:
+        raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
+    for radius in radii:
+        smooth, deviation, place = fair(points, tolerance, noise, radius, _KNOTS)
+        if deviation <= tolerance:
+            break
+    else:
+        enough = np.ceil(20 * deviation) / 20
+        raise InputError(
+            f"{at}: a smooth curve leaves the outline by {deviation:.2f} mm at {xy(place)}, more"
+            f" than the tolerance, {tolerance:g} mm; add --tolerance {enough:g},"
+            " or smooth the surface"
+        )
+    return Outline(curves.through(smooth), deviation_mm=deviation)
