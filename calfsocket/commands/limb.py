@@ -8,9 +8,16 @@ from calfsocket.commands import command, first_rank, group, option
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from calfsocket.imaging.anatomy import Said
     from calfsocket.imaging.limb import Imported
+    from calfsocket.imaging.plane import Level
     from calfsocket.imaging.section import Section
+
+
+#: Levels of one limb that may be asked for at once.
+MOST_LEVELS = 200
 
 
 @command(
@@ -22,6 +29,11 @@ if TYPE_CHECKING:
         metavar="LEVEL",
         help="share of the height, 0 distal to 1 proximal, or '80 mm', '80 mm from proximal'"
         " (default: 0.5)",
+    ),
+    option(
+        "--levels",
+        metavar="FROM:TO:N",
+        help="N levels from one share to another, e.g. 0.2:0.8:13; a file for each",
     ),
     option(
         "--plane",
@@ -123,6 +135,7 @@ examples:
   python3 -m calfsocket limb leg.stl --level 0.4 --out my-limb.json
   python3 -m calfsocket limb skin.ply tibia.ply fibula.ply --level '120 mm' --side left
   python3 -m calfsocket limb segmentation.nii.gz --labels labels.csv --level 0.5
+  python3 -m calfsocket limb leg.stl --levels 0.2:0.8:13 --out my-limb.json
   python3 -m calfsocket limb scan.aop --side left --anterior +y
 """,
 )
@@ -135,24 +148,61 @@ def limb(arguments: Namespace) -> None:
     out = arguments.out
     if out.suffix != ".json":
         raise InputError(f"--out {out}: limbs are JSON files; use a name that ends in .json")
-    made = imported(
-        _section(arguments),
-        Filling(
-            arguments.tissues,
-            arguments.skin_thickness,
-            arguments.fat_thickness,
-            arguments.crest,
-            arguments.fibular_head,
-        ),
+    filling = Filling(
+        arguments.tissues,
+        arguments.skin_thickness,
+        arguments.fat_thickness,
+        arguments.crest,
+        arguments.fibular_head,
     )
-    made.limb.write(out)
-    draw_source(made.limb, made.section.data, out.with_suffix(".png"))
-    print(summary(made))
-    print(f"written to {out} and {out.with_suffix('.png')}")
+
+    def write(section: "Section", path: Path) -> None:
+        made = imported(section, filling)
+        made.limb.write(path)
+        draw_source(made.limb, made.section.data, path.with_suffix(".png"))
+        print(summary(made))
+        print(f"written to {path} and {path.with_suffix('.png')}")
+
+    if not arguments.levels:
+        write(_cut(arguments)(None), out)
+        return
+    levels, refused = _levels(arguments), []
+    cut = _cut(arguments)
+    for level in levels:
+        try:
+            write(cut(level), out.with_stem(f"{out.stem}_{level.share:.3f}"))
+        except InputError as error:
+            refused.append(str(error))
+    if len(refused) == len(levels):
+        raise InputError(f"--levels: none can be made; the first: {refused[0]}")
+    for line in refused:
+        print(f"left out: {line}")
 
 
-def _section(arguments: Namespace) -> "Section":
-    """Return the section that the options ask for."""
+def _levels(arguments: Namespace) -> "list[Level]":
+    """Read FROM:TO:N."""
+    from calfsocket.imaging.plane import Level
+
+    if arguments.level or arguments.plane:
+        raise InputError("--levels: is given with --level or --plane; give one of them")
+    try:
+        low, high, number = arguments.levels.split(":")
+        shares = float(low), float(high)
+        count = int(number)
+    except ValueError:
+        count = 0
+    if not 2 <= count <= MOST_LEVELS:
+        raise InputError(
+            f"--levels: is '{arguments.levels}'; give FROM:TO:N with shares of the height and a"
+            f" number of 2 to {MOST_LEVELS}, such as 0.2:0.8:13"
+        )
+    low, high = shares
+    step = (high - low) / (count - 1)
+    return [Level.parse(round(low + step * i, 6)) for i in range(count)]
+
+
+def _cut(arguments: Namespace) -> "Callable[[Level | None], Section]":
+    """Return what makes sections of the source, which is read once."""
     from calfsocket.imaging.anatomy import Said, find_anatomy
     from calfsocket.imaging.drawing import is_drawing
     from calfsocket.imaging.limb import plane_of, read_source, voxel_of
@@ -163,14 +213,15 @@ def _section(arguments: Namespace) -> "Section":
     said = Said(arguments.side, arguments.proximal, arguments.anterior)
     roles = {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
     if any(map(is_drawing, arguments.source)):
-        return _drawn(arguments, said, roles)
+        return lambda _: _drawn(arguments, said, roles)
     plane = plane_of(arguments.plane) if arguments.plane else None
     if plane and arguments.level:
         raise InputError("--plane: is given with --level; give one of them")
-    level = None if plane else Level.parse(arguments.level or 0.5)
+    chosen = None if plane else Level.parse(arguments.level or 0.5)
     voxel = voxel_of(arguments.voxel) if arguments.voxel else None
     source = read_source(arguments.source, arguments.units, roles, arguments.labels, voxel)
-    return section(source, find_anatomy(source, said), level, plane, arguments.tolerance)
+    anatomy = find_anatomy(source, said)
+    return lambda level: section(source, anatomy, level or chosen, plane, arguments.tolerance)
 
 
 def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Section":
@@ -180,6 +231,7 @@ def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Sectio
 
     for name, value in (
         ("--level", arguments.level),
+        ("--levels", arguments.levels),
         ("--plane", arguments.plane),
         ("--labels", arguments.labels),
         ("--voxel", arguments.voxel),

@@ -1,5 +1,6 @@
 """Surfaces of a limb's tissues as scanners and segmentation programs write them."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -106,6 +107,9 @@ _UNREADABLE = (
 )  # fmt: skip
 
 
+_FILE = re.compile(r"^\w+: |(while )?reading file \S+ ")
+
+
 @contextmanager
 def vtk_errors() -> Iterator[None]:
     """Raise a ValueError for what VTK's readers print."""
@@ -118,7 +122,10 @@ def vtk_errors() -> Iterator[None]:
     finally:
         vtkLogger.SetStderrVerbosity(verbosity)
     if catcher.events:
-        raise ValueError(catcher.events[0].alert)
+        # Without the file, which is named already, and places in bytes.
+        raise ValueError(
+            re.split(r" in stream|\.\d+$|[.:] *$", _FILE.sub("", catcher.events[0].alert))[0]
+        )
 
 
 def _by_vtk(path: Path) -> tuple[Array, np.ndarray]:

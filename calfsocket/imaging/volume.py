@@ -162,6 +162,9 @@ def _nifti(path: Path) -> _Read:
     image = reader.GetOutput()
     values = vtk_to_numpy(image.GetPointData().GetScalars())
     raw = values.reshape(image.GetDimensions()[::-1]).transpose(2, 1, 0)
+    slope, start = reader.GetRescaleSlope(), reader.GetRescaleIntercept()
+    if slope not in (0.0, 1.0) or start:
+        raw = raw * slope + start
     # VTK turns slices around where the header's qfac is -1, and its matrices with them.
     matrix = reader.GetSFormMatrix() or reader.GetQFormMatrix()
     scale = {1: 1000.0, 3: 1e-3}.get(header.GetXYZTUnits() & 7, 1.0)  # metres, micrometres
