@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from calfsocket.materials.file import write_material as write_material
     from calfsocket.materials.hencky import Hencky as Hencky
     from calfsocket.materials.law import Law as Law
+    from calfsocket.materials.laws import material_law as material_law
     from calfsocket.materials.material_set import MaterialSet as MaterialSet
     from calfsocket.materials.ogden import Ogden as Ogden
-    from calfsocket.materials.ogden import neo_hookean as neo_hookean
     from calfsocket.materials.yeoh import Yeoh as Yeoh
     from calfsocket.mechanics.stepping import LoadSteps as LoadSteps
     from calfsocket.meshes.socket import CircleBlend as CircleBlend
@@ -55,9 +55,9 @@ _MODULES = {
     "write_material": "materials.file",
     "Hencky": "materials.hencky",
     "Law": "materials.law",
+    "material_law": "materials.laws",
     "MaterialSet": "materials.material_set",
     "Ogden": "materials.ogden",
-    "neo_hookean": "materials.ogden",
     "Yeoh": "materials.yeoh",
     "LoadSteps": "mechanics.stepping",
     "Limb": "imaging.limb",

@@ -88,7 +88,7 @@ def write_small_report(folder: Path) -> Path:
     Nearly all of a report's time goes into those; `test_report_figures` looks at real ones.
     """
     from calfsocket.commands.report import write
-    from calfsocket.report import write as writing
+    from calfsocket.report import page as writing
     from calfsocket.report.figures import maps
 
     def save(figure: "Figure", folder: Path, name: str) -> tuple[Path, Path]:

@@ -82,10 +82,10 @@ def limb(stress_factor: float = 1.0, shear: float = 0.0) -> SectionFields:
     )
 
 
-def contact_on(fields: SectionFields, pressure: float) -> ContactLine:
-    """Even pressure on the outline of `limb`, at four Gauss points an edge."""
-    on = np.isclose(np.linalg.norm(fields.points, axis=1), 48) & np.isin(
-        np.arange(len(fields.points)), fields.cells[fields.region == 5]
+def contact_on(fields: SectionFields, pressure: float, radius: float = 48.0) -> ContactLine:
+    """Even pressure on the outline of a round limb, `limb` say, at four Gauss points an edge."""
+    on = np.isclose(np.linalg.norm(fields.points, axis=1), radius) & np.isin(
+        np.arange(len(fields.points)), fields.cells[fields.cells_of("skin")]
     )
     node = np.flatnonzero(on)
     angle = np.arctan2(*fields.points[node].T[::-1]) % (2 * np.pi)

@@ -158,6 +158,29 @@ def a_file_in_the_place_of_the_folder(folder: Path) -> Sequence[str]:
     return ["run", str(folder / "study.toml"), "--out", str(folder / "results")]
 
 
+def into_results_with(content: bytes) -> Make:
+    """Return what runs a study into a folder with a run.json."""
+
+    def made(folder: Path) -> Sequence[str]:
+        results = folder / "results"
+        results.mkdir()
+        (results / ".running").touch()
+        (results / "run.json").write_bytes(content)
+        words = written(folder, TWO_LISTS)
+        return ["run", words[-1], "--out", str(results)]
+
+    return made
+
+
+def a_case_that_stopped(folder: Path) -> Sequence[str]:
+    """Return how to report on a study whose only case did not reach its load."""
+    words = rerun(folder, finished=True)
+    run = json.loads(Path(words[-1]).read_text())
+    run["cases"]["TC_separate"] |= {"status": "failed", "message": "no equilibrium beyond 0.37"}
+    Path(words[-1]).write_text(json.dumps(run))
+    return ["report", str(folder)]
+
+
 def a_new_file_over_an_old_one(folder: Path) -> Sequence[str]:
     (folder / "study.toml").write_text("")
     return ["new", str(folder / "study.toml")]
@@ -189,6 +212,24 @@ TRIALS = (
     # Keys
     Trial("an unknown table", GOOD + "[modle]\n", ("unknown key 'modle'", "'model'")),
     Trial("an unknown key", edited("size", "sise"), ("model: unknown key 'sise'", "'size'")),
+    Trial("loads, which there are none of", GOOD + "[loads]\naxial = \"800 N\"\n",
+          ("study.toml: loads: loads are not implemented", "by its socket alone")),
+    Trial("a body's weight", edited("[model]", '[model]\nweight = "80 kg"'),
+          ("study.toml: model.weight: loads are not implemented",)),
+    Trial("a liner", socket('like = "TC"\nliner = "3 mm"'),
+          ("sockets.mine.liner: liners are not implemented", "friction")),
+    Trial("a pressure on the skin", GOOD + "[pressure]\nskin = \"5 kPa\"\n",
+          ("study.toml: pressure: prescribed pressures are not implemented",)),
+    Trial("a time of the steps", edited("[model]", '[steps]\ntime = "2 s"\n[model]'),
+          ("steps.time: time is not implemented", "equilibrium")),
+    Trial("a sweep over loads",
+          TWO_LISTS + "[sweep.grid]\nloads.axial = [1, 2]\n",
+          ("loads: loads are not implemented",)),
+    Trial(
+        "an unknown key that is near to none",
+        GOOD + "[lines]\n",
+        ("unknown key 'lines'; allowed: cases, laws, materials",),
+    ),
     Trial(
         "an unknown key of a socket",
         edited("area_reduction", "area_reducton"),
@@ -273,13 +314,13 @@ TRIALS = (
     Trial("a wall in kPa", socket('like = "TC"\nwall_thickness = "4.5 kPa"'),
           ("sockets.mine.wall_thickness: unit 'kPa'", "mm, cm, m")),
     Trial("a wall of -1 mm", socket('like = "TC"\nwall_thickness = "-1 mm"'),
-          ("sockets.mine.wall_thickness", "greater than 0")),
+          ("sockets.mine.wall_thickness", "greater than 0 mm")),
     Trial("a wall of nan mm", socket('like = "TC"\nwall_thickness = "nan mm"'),
           ("sockets.mine.wall_thickness: 'nan mm' is not a number with a unit",)),
     Trial("a modulus in mPa", socket('like = "TC"\nmodulus = "459 mPa"'),
           ("sockets.mine.modulus: unit 'mPa'", "MPa")),
     Trial("a negative modulus of a wall", socket('like = "TC"\nmodulus = "-1 GPa"'),
-          ("sockets.mine.modulus: is '-1 GPa'", "greater than 0")),
+          ("sockets.mine.modulus: is '-1 GPa'", "greater than 0 GPa")),
     Trial("a wall with Poisson's ratio 0.5", socket('like = "TC"\npoisson = 0.5'),
           ("sockets.mine.poisson: is 0.5", "less than 0.5")),
     # Sockets
@@ -291,7 +332,7 @@ TRIALS = (
     Trial("a base for a circle blend", socket('like = "HS"\nbase = "1 mm"'),
           ("sockets.mine: HS", "circle_blend", "no key 'base'")),
     Trial("an area reduced by 100 %", socket('like = "HS"\narea_reduction = "100 %"'),
-          ("sockets.mine.area_reduction", "less than 1")),
+          ("sockets.mine.area_reduction", "less than 100 %")),
     Trial("an area reduced by a length", socket('like = "HS"\narea_reduction = "1 mm"'),
           ("sockets.mine.area_reduction: unit 'mm'",)),
     Trial("a bump without width", socket(
@@ -315,12 +356,52 @@ TRIALS = (
     Trial("a law that lacks a parameter", fat('{ law = "hencky", nu = 0.3 }'),
           ("materials.soft.fat.e: is missing",)),
     Trial("neither d1 nor nu", fat('{ law = "ogden", mu = ["1 kPa"], alpha = [2] }'),
-          ("materials.soft.fat: give either d1 or nu",)),
+          ("materials.soft.fat: give one of d1, k and nu",)),
+    Trial("three parameters of the bulk",
+          fat('{ law = "neo-hookean", mu = "1 kPa", nu = 0.4, k = "1 MPa", d1 = "1 1/MPa" }'),
+          ("materials.soft.fat: give one of d1, k and nu; d1 and k and nu are given",)),
+    Trial("a bulk modulus by two names",
+          fat('{ law = "ogden", mu = ["1 kPa"], alpha = [2], k = "1 MPa", kappa = "1 MPa" }'),
+          ("materials.soft.fat: kappa and k are the same",)),
+    Trial("a bulk modulus of 0", fat('{ law = "neo-hookean", mu = "1 kPa", k = "0 Pa" }'),
+          ("materials.soft.fat.k: is '0 Pa'; it must be greater than 0 Pa",)),
+    Trial("a compliance in a unit of stress",
+          fat('{ law = "mooney-rivlin", c10 = "1 kPa", c01 = "1 kPa", d1 = "1e-5 Pa" }'),
+          ("materials.soft.fat.d1: unit 'Pa' is unknown; use 1/Pa", "MPa^-1")),
+    Trial("a Mooney-Rivlin law without C01",
+          fat('{ law = "mooney-rivlin", c10 = "1 kPa", nu = 0.4 }'),
+          ("materials.soft.fat.c01: is missing; add it",)),
+    Trial("a Mooney-Rivlin law that is unstable without load",
+          fat('{ law = "mooney-rivlin", c10 = "1 kPa", c01 = "-2 kPa", nu = 0.4 }'),
+          ("materials.soft.fat: initial shear modulus is -2 kPa", "greater than 0")),
+    Trial("a neo-Hookean law by mu and C10",
+          fat('{ law = "neo-hookean", mu = "2 kPa", c10 = "1 kPa", nu = 0.4 }'),
+          ("materials.soft.fat: give one of mu, c10, and e with nu; mu and c10 are given",)),
+    Trial("a neo-Hookean law by E and k",
+          fat('{ law = "neo-hookean", e = "2 kPa", k = "1 MPa" }'),
+          ("materials.soft.fat: e needs Poisson's ratio; give nu",)),
+    Trial("a linear elastic law of nu = 0.51",
+          fat('{ law = "linear-elastic", e = "2 kPa", nu = 0.51 }'),
+          ("materials.soft.fat.nu: is 0.51", "0.5")),
+    Trial("FEBio's constants in Abaqus's form",
+          fat('{ law = "ogden", c = ["1 kPa"], m = [2], form = "abaqus", k = "1 MPa" }'),
+          ("materials.soft.fat: c and m go together, in FEBio's form only",)),
+    Trial("FEBio's c without m", fat('{ law = "ogden", c1 = "1 kPa", k = "1 MPa" }'),
+          ("materials.soft.fat: c and m go together",)),
+    Trial("an unknown form",
+          fat('{ law = "ogden", mu = ["1 kPa"], alpha = [2], form = "ansys", k = "1 MPa" }'),
+          ("materials.soft.fat.form: is 'ansys'", "textbook")),
+    Trial("moduli that are negative in Abaqus's form alone",
+          fat('{ law = "ogden", mu = ["-1 kPa"], alpha = [-2], nu = 0.4 }'),
+          ("materials.soft.fat: initial shear modulus is -1 kPa",
+           '1 kPa with form = "textbook"')),
+    Trial("a Yeoh law with D1", fat('{ law = "yeoh", c10 = "1 kPa", d1 = "1e-5 1/Pa" }'),
+          ("materials.soft.fat: Yeoh's law is taken as incompressible; remove d1",)),
     Trial("more mu than alpha",
           fat('{ law = "ogden", mu = ["1 kPa", "2 kPa"], alpha = [2], nu = 0.4 }'),
           ("materials.soft.fat", "mu has length 2, alpha 1")),
     Trial("a negative modulus", fat('{ law = "hencky", e = "-1 kPa", nu = 0.3 }'),
-          ("materials.soft.fat.e: is '-1 kPa'", "greater than 0")),
+          ("materials.soft.fat.e: is '-1 kPa'", "greater than 0 kPa")),
     Trial("Poisson's ratio 0.51", fat('{ law = "hencky", e = "1 kPa", nu = 0.51 }'),
           ("materials.soft.fat.nu: is 0.51", "0.5")),
     Trial("a Yeoh law that softens to nothing",
@@ -388,6 +469,21 @@ TRIALS = (
           ("/proc/calfsocket",)),
     Trial("a file in the place of the results", a_file_in_the_place_of_the_folder,
           ("--out", "results")),
+    Trial("a run.json whose versions are a list",
+          lambda folder: rerun(folder, format=1, versions=["0.1"]),
+          ("run.json: was written by another version",)),
+    Trial("a run.json that lacks its cases", lambda folder: rerun(folder, cases="none"),
+          ("run.json: cannot be used (cases: is 'none'; it must be a table)",)),
+    Trial("results with half of a run.json", into_results_with(b'{"program": "calf'),
+          ("run.json: is not JSON", "; name another folder, or add --overwrite")),
+    Trial("results with a binary run.json", into_results_with(bytes(range(256))),
+          ("run.json: cannot be used (is not UTF-8", "; name another folder, or add --overwrite")),
+    Trial("results of something else", into_results_with(b"{}"),
+          ("run.json: is not the run.json of a study; name another folder, or",)),
+    Trial("the picture of a folder without a case", lambda folder: ["picture", str(folder)],
+          ("contains no result.json", "name the folder of a case")),
+    Trial("a report without a case that reached its load", a_case_that_stopped,
+          ("no case reached its full load", "no equilibrium beyond 0.37")),
     Trial("an example over a study", a_new_file_over_an_old_one,
           ("already exists; choose another name",)),
     Trial("an example that is not a TOML file", a_new_file_with_another_extension, (".toml",)),

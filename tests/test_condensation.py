@@ -80,7 +80,7 @@ def random_vector(solver, seed=1):
 
 def product(solver, v):
     out = v.duplicate()
-    solver._A.mult(v, out)
+    solver.tangent.mult(v, out)
     return out
 
 
@@ -161,7 +161,7 @@ def test_the_pattern_follows_a_limb_that_slides_far():
     """A third of the way round, the skin meets edges that the pattern was not laid out for."""
     model = ring()
     solver = state(model)
-    before = solver._A.getPythonContext().matrix
+    before = solver.tangent.getPythonContext().matrix
     tangent = model.contact.tangent
     edges = len(model.contact.chain.start)
     turned = (tangent().edge + edges // 3) % edges
@@ -169,7 +169,7 @@ def test_the_pattern_follows_a_limb_that_slides_far():
     model.contact.tangent = lambda: replace(tangent(), edge=turned)
     model.contact.edges_ahead = lambda: (ahead() + edges // 3) % edges
     solver.factorise()
-    after = solver._A.getPythonContext().matrix
+    after = solver.tangent.getPythonContext().matrix
     assert after.handle != before.handle
     v = random_vector(solver)
     assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
@@ -182,27 +182,44 @@ def test_options_of_petsc_reach_the_factorisation():
         solver = state(ring())
     finally:
         del options["calfsocket_mat_mumps_icntl_14"]
-    factor = solver._A.getPythonContext().ksp.getPC().getFactorMatrix()
+    factor = solver.tangent.getPythonContext().ksp.getPC().getFactorMatrix()
     assert factor.getMumpsIcntl(14) == 123
     assert factor.getMumpsIcntl(8) == 0
     assert not PETSc.Options("calfsocket_").hasName("mat_mumps_icntl_8")
+
+
+def test_a_matrix_that_cannot_be_factorised_gives_no_finite_step_and_spoils_no_later_one():
+    """Newton's method may overshoot; the attempt ends, and the next one starts from good values."""
+    solver = state(ring())
+    v = random_vector(solver)
+    expected = solver.correction(v)
+    condensed = solver.tangent.getPythonContext()
+    values = condensed._values.copy()
+    for good in (False, True):
+        condensed._values[:] = values if good else np.nan
+        condensed.matrix.assemble()
+        condensed.setUp(None)
+        found = v.duplicate()
+        condensed.apply(None, v, found)
+        assert np.isfinite(found.norm()) == good
+    assert (found - expected).norm() < 1e-12 * expected.norm()
 
 
 def test_laws_that_become_incompressible_keep_their_constant_pressure():
     """With muscle's K infinite from one tangent to the next, its pressure is found all the same."""
     model = ring()
     solver = state(model)
-    outside = len(solver._A.getPythonContext()._dofs)
+    outside = len(solver.tangent.getPythonContext().unknowns)
     muscle = SEPARATE["muscle"]
     model.set_laws({"muscle": Ogden(mu=muscle.mu, alpha=muscle.alpha, d1=0.0)})
     solver.factorise()
     cells_of_muscle = model.section.cell_tags.find(model.section.regions["muscle"])
-    assert len(solver._A.getPythonContext()._dofs) == outside + len(cells_of_muscle)
+    assert len(solver.tangent.getPythonContext().unknowns) == outside + len(cells_of_muscle)
     v = random_vector(solver)
     assert (solver.correction(product(solver, v)) - v).norm() < 1e-8 * v.norm()
     model.set_laws({"muscle": muscle})
     solver.factorise()
-    assert len(solver._A.getPythonContext()._dofs) == outside
+    assert len(solver.tangent.getPythonContext().unknowns) == outside
 
 
 def test_prescribed_values_are_in_product_and_solution():

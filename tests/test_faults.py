@@ -6,6 +6,7 @@ import logging
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
-from calfsocket.io.errors import InputError
+from calfsocket.io.errors import InputError, WriteError
 from calfsocket.simulation import simulation
 from calfsocket.simulation.precompile import precompile
 from calfsocket.study import restart, runner
@@ -190,9 +191,8 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
         assert says in found["A_combined"]["message"] == table.message["A_combined"]
         assert says in caplog.text.replace(f"{out}/A_combined/", "")
         assert "1 of 2 cases failed" in caplog.text and "--resume" in caplog.text
-        # An equilibrium below the full load is written, too, for who wants to know why.
-        expected = {"A", "B"} if trial.given.error == "ConvergenceError" else {"B"}
-        assert set(pd.read_csv(out / "summary.csv").socket) == expected
+        for name in ("summary.csv", "contact.csv"):
+            assert set(pd.read_csv(out / name).socket) == {"B"}
         assert study.run(resume=True)
         assert "B_combined: already solved; kept" in caplog.text
     else:
@@ -248,8 +248,8 @@ def test_results_that_are_not_whole_are_made_anew(file, damage, unbroken, tmp_pa
     damage(out / file)
     study = tiny_study(out)
     if file == "steps.csv":  # not a table: nothing can be put into it
-        assert not study.run(resume=True)
-        assert "steps.csv" in entries(out)["A_combined"]["message"]
+        with pytest.raises(WriteError, match=r"steps\.csv: is not the table that this run wrote"):
+            study.run(resume=True)
         return
     assert study.run(resume=True)
     assert (
@@ -389,6 +389,29 @@ def test_ctrl_c_ends_it_with_one_line(number, code, unbroken, tmp_path):
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 0
     assert "resumes from its last equilibrium" in errors
+    assert same_results(out, unbroken)
+
+
+def test_a_second_run_into_the_folder_of_a_running_one_is_refused(unbroken, tmp_path):
+    out = tmp_path / "results"
+    first = start(out)
+    while not (out / "A_combined" / "checkpoint.npz").exists():
+        time.sleep(0.01)
+    first.send_signal(signal.SIGSTOP)
+    before = (out / "run.json").read_bytes()
+    for how in ({}, {"resume": True}):
+        second = start(out, **how)
+        _, errors = second.communicate(timeout=120)
+        assert second.returncode == 2
+        (line,) = errors.splitlines()
+        who = f"process {first.pid} on {socket.gethostname()} (since {time.strftime('%Y-')}"
+        assert line.startswith(f"calfsocket: {out}: {who}") and "name another folder" in line
+        assert (out / "run.json").read_bytes() == before
+    first.kill()  # what it leaves behind blocks nobody
+    first.communicate()
+    again = start(out, resume=True)
+    _, errors = again.communicate(timeout=120)
+    assert again.returncode == 0, errors
     assert same_results(out, unbroken)
 
 

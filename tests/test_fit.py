@@ -11,13 +11,14 @@ from series import series_error
 from calfsocket.fit import problem
 from calfsocket.fit.data import Test
 from calfsocket.fit.diagnostics import diagnostics
-from calfsocket.fit.families import ALPHA_MAX, START_ALPHAS, family
-from calfsocket.fit.modes import MODES, engineering_stress
+from calfsocket.fit.families import START_ALPHAS, family
 from calfsocket.fit.regression import Fit, fit
-from calfsocket.fit.stability import StableRange, stable_ranges, tangents
 from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
-from calfsocket.materials.laws import Hencky, Ogden, Yeoh, neo_hookean
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh, material_law
+from calfsocket.materials.modes import amount_of_shear, engineering_stress, sheared_stretch
+from calfsocket.materials.ogden import ALPHA_MAX
+from calfsocket.materials.stability import MODES, StableRange, stable_ranges, tangents
 
 SIGMA = 0.682689492  # of a normal distribution, within one standard deviation
 
@@ -34,10 +35,36 @@ def made_test(law, mode="uniaxial", stretch=(1.0, 1.25), points=26, noise=0.0, r
 
 # By hand at stretch 2 and mu = 3: mu (l - l^-2), mu (l - l^-5), mu (l - l^-3).
 def test_neo_hookean_by_hand():
-    law = neo_hookean(mu=3.0, d1=0.0)
+    law = material_law("neo-hookean", mu=3.0, d1=0.0)
     by_hand = {"uniaxial": 5.25, "equibiaxial": 5.90625, "planar": 5.625}
     for mode in MODES:
         assert engineering_stress(law, mode, [1.0, 2.0]) == pytest.approx([0.0, by_hand[mode]])
+
+
+# Neo-Hookean: mu g at any amount of shear g, the known exact result. At stretch 2, g = 1.5.
+def test_simple_shear_by_hand():
+    assert engineering_stress(
+        material_law("neo-hookean", mu=3.0, d1=0.0), "shear", [2.0]
+    ) == pytest.approx([4.5])
+    assert amount_of_shear([2.0, 0.5]) == pytest.approx([1.5, -1.5])
+    assert sheared_stretch([1.5, -1.5, 0.0]) == pytest.approx([2.0, 0.5, 1.0])
+
+
+@pytest.mark.parametrize("law", [tissues.FASCIA, tissues.FAT, Hencky(e=1.0, nu=0.5)])
+def test_shear_stress_is_the_derivative_of_the_energy_by_the_amount_of_shear(law):
+    """With F = [[1, g], [0, 1]], whose principal stretches come from its singular values."""
+
+    def energy(g):
+        in_plane = np.linalg.svd([[1.0, g], [0.0, 1.0]], compute_uv=False)
+        return law.energy(np.array([*in_plane, 1.0]))
+
+    for g in (-0.6, -0.05, 0.3, 0.8):
+        h = 1e-5
+        slope = (energy(g + h) - energy(g - h)) / (2 * h)
+        stress = engineering_stress(law, "shear", sheared_stretch([g]))
+        assert stress == pytest.approx([slope], rel=1e-7)
+        # The Cauchy stress s12 of the same deformation.
+        assert law.cauchy(np.array([[1.0, g], [0.0, 1.0]]), 0.0)[3] == pytest.approx(stress[0])
 
 
 # At stretch 2, I1 = l^2 + 2/l = 5, 2 l^2 + l^-4 = 8.0625, l^2 + 1 + l^-2 = 5.25; with i = I1 - 3,
@@ -80,7 +107,7 @@ def test_gradient_is_the_derivative_of_the_law(name, terms, mode):
         ("ogden", tissues.FAT),
         ("ogden", tissues.MUSCLE),
         ("ogden", Ogden(mu=(0.01, 0.03), alpha=(-6.5, 9.0), d1=0.0)),
-        ("neo-hookean", neo_hookean(mu=0.3, d1=0.0)),
+        ("neo-hookean", material_law("neo-hookean", mu=0.3, d1=0.0)),
     ],
 )
 def test_exact_data_give_their_law_back(name, law):
@@ -236,7 +263,7 @@ def test_drucker_stability_is_lost_where_it_must_be():
         tissues.FASCIA,
         tissues.FAT,
         Hencky(e=1.0, nu=0.5),
-        neo_hookean(mu=2.0, d1=0.0),
+        material_law("neo-hookean", mu=2.0, d1=0.0),
         Ogden(mu=(1.0, 1.0), alpha=(-ALPHA_MAX, ALPHA_MAX), d1=0.0),
     ],
 )

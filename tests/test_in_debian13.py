@@ -52,6 +52,8 @@ class Machine:
         for name in ("in-debian13", "debian13-environment", "debian-packages.txt"):
             shutil.copy(REPOSITORY / name, self.checkout)
         self.calls.touch()
+        # The account's own home: not that of who runs the tests, where a root may be.
+        self.replace("getent", f"echo user:x:0:0::{self.home}:/bin/sh")
 
     def replace(self, program: str, body: str) -> None:
         """Put a script before the real program; it writes down its arguments, then runs body."""
@@ -69,7 +71,7 @@ class Machine:
         system: str | None = None,
         cwd: Path | None = None,
         before: tuple[str, ...] = (),
-        **variables: str,
+        **variables: str | None,
     ) -> subprocess.Popen[str]:
         arguments = [*before, str(self.checkout / "in-debian13"), *command]
         if system is not None:
@@ -77,15 +79,12 @@ class Machine:
             release.write_text(system)
             pretend = [sys.executable, "-c", WITH_OS_RELEASE, str(release)]
             arguments = ["unshare", "--mount", *pretend, *arguments]
-        environment = {
-            "HOME": str(self.home),
-            "PATH": f"{self.programs}:{os.environ['PATH']}",
-            "TERM": "dumb",
-        }
+        path = f"{self.programs}:{os.environ['PATH']}"
+        variables = {"HOME": str(self.home), "PATH": path, "TERM": "dumb"} | variables
         return subprocess.Popen(
             arguments,
             cwd=cwd or self.checkout,
-            env=environment | variables,
+            env={name: value for name, value in variables.items() if value is not None},
             # A shell that runs pytest in the background has it ignore this one.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             stdin=subprocess.DEVNULL,
@@ -229,6 +228,49 @@ def test_others_read_what_to_ask_for(without_gmsh: Machine) -> None:
     assert not without_gmsh.called("apt-get")
 
 
+# ----- homes and places of all kinds
+
+
+def test_without_a_home_that_of_the_account_is_taken(machine: Machine) -> None:
+    for home in (None, "", "/no/such/folder"):
+        done = machine.run("sh", "-c", "echo $HOME", HOME=home)
+        assert done.stdout == f"{machine.home}\n"
+        said = f"in-debian13: HOME is {home}, which is not a folder: using {machine.home}\n"
+        assert done.stderr == (said if home else "")
+
+
+def test_an_account_without_a_home_works_too(machine: Machine) -> None:
+    machine.replace("getent", "exit 2")
+    done = machine.run("sh", "-c", "echo $HOME", HOME=None)
+    assert (done.returncode, done.stdout) == (0, "/tmp\n")
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user")
+def test_what_is_compiled_has_a_place_where_the_home_is_read_only(machine: Machine) -> None:
+    user = 65534
+    place = Path(f"/tmp/calfsocket-{user}")
+    nobody = ("setpriv", f"--reuid={user}", f"--regid={user}", "--clear-groups")
+    machine.calls.chmod(0o666)
+    try:
+        done = machine.run("sh", "-c", "echo $XDG_CACHE_HOME", before=nobody)
+        assert done.stdout == f"{place}\n"
+        assert done.stderr.count("\n") == 1 and "cannot be written to" in done.stderr
+        assert place.stat().st_mode & 0o777 == 0o700
+    finally:
+        shutil.rmtree(place)
+
+
+def test_a_working_directory_that_was_removed_is_said(machine: Machine) -> None:
+    program = machine.checkout / "in-debian13"
+    done = subprocess.run(
+        ["sh", "-c", f"mkdir gone; cd gone; rmdir ../gone; {program} true"],
+        cwd=machine.home, capture_output=True, text=True,
+        env={"HOME": str(machine.home), "PATH": f"{machine.programs}:{os.environ['PATH']}"},
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.endswith("working directory does not exist any more; go to another one\n")
+
+
 # ----- in a container
 
 
@@ -257,6 +299,30 @@ def test_elsewhere_a_container_sees_the_hosts_places(with_docker: Machine) -> No
     # The checkout is not among them: it lies in /tmp here.
     places = [str(with_docker.home), "/tmp", str(work)]
     assert mounted == [f"{place},target={place}" for place in places]
+
+
+@pytest.fixture
+def data() -> Iterator[Path]:
+    """Return a folder that is below none of the usual places."""
+    with tempfile.TemporaryDirectory(dir=Path.home()) as folder:  # not the machine's
+        yield Path(folder).resolve()
+
+
+@needs_mount
+def test_a_container_sees_what_the_command_names(with_docker: Machine, data: Path) -> None:
+    for name in ("studies", "disk/limbs", "out"):
+        (data / name).mkdir(parents=True)
+    study, limb = data / "studies" / "a b.toml", data / "disk" / "limbs" / "limb.json"
+    study.touch()
+    limb.touch()
+    (with_docker.checkout / "limb.json").symlink_to(limb)
+    words = [str(study), "limb.json", f"--out={data}/out/new/one", "-k", "x=/etc/passwd", "/"]
+    done = with_docker.run("run", *words, system=FEDORA)
+    assert done.returncode == 0, done.stderr
+    (run,) = with_docker.called("docker run")
+    mounted = [part.split(",")[0] for part in run.split("type=bind,source=")[1:]]
+    places = [str(with_docker.home), "/tmp"]
+    assert mounted == [*places, *(str(data / name) for name in ("studies", "disk/limbs", "out"))]
 
 
 @needs_mount
@@ -327,6 +393,27 @@ def test_the_root_is_built_once(ubuntu: Machine) -> None:
     assert first.stdout == f"entered {ubuntu.home}/.cache/calfsocket/{root}\n"
     assert ubuntu.run("true", system=UBUNTU).stdout == first.stdout
     assert len(ubuntu.called("mmdebstrap")) == 1
+
+
+@needs_mount
+def test_the_root_is_found_where_home_differs(ubuntu: Machine) -> None:
+    other = ubuntu.folder / "other"
+    other.mkdir()
+    first = ubuntu.run("true", system=UBUNTU)
+    for home in (str(other), None, "/no/such/folder"):
+        assert ubuntu.run("true", system=UBUNTU, HOME=home).stdout == first.stdout
+    assert len(ubuntu.called("mmdebstrap")) == 1
+    assert not list(other.iterdir())
+
+
+@needs_mount
+def test_where_no_root_can_be_written_it_says_so(ubuntu: Machine) -> None:
+    (ubuntu.home / ".cache").write_text("a file")
+    done = ubuntu.run("true", system=UBUNTU)
+    assert done.returncode == 1
+    assert not ubuntu.called("mmdebstrap")
+    (line,) = done.stderr.splitlines()
+    assert f"{ubuntu.home}/.cache" in line and "set XDG_CACHE_HOME to a folder that can" in line
 
 
 @needs_mount

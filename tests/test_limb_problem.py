@@ -100,7 +100,7 @@ def test_a_failed_run_keeps_the_last_converged_state():
         return result
 
     stepper.newton.solve = fails_beyond_half
-    with pytest.raises(SolveError, match=r"load 0.4\d+ and 0.5\d+: diverged_for.* in \w+; try"):
+    with pytest.raises(SolveError, match=r"load 0.4\d+ and 0.5\d+: Newton's method runs away"):
         stepper.run()
     assert 0.4 < model.load < 0.5
     assert np.isfinite(model.w.x.array).all()

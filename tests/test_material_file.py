@@ -9,7 +9,7 @@ from calfsocket.cli import main
 from calfsocket.commands import study
 from calfsocket.commands.options import material_files
 from calfsocket.io.errors import InputError
-from calfsocket.io.units import COMPLIANCE, STRESS
+from calfsocket.io.units import COMPLIANCE, STRESS, like
 from calfsocket.materials import tissues
 from calfsocket.materials.file import read_material, write_material
 from calfsocket.materials.laws import Hencky, Ogden, Yeoh
@@ -59,8 +59,17 @@ def test_a_file_by_hand(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('mu = ["1 kPa"]', ["law is missing", "ogden, yeoh, hencky, neo-hookean"]),
-        ('law = "odgen"', ["law is 'odgen'", "'ogden', 'neo-hookean', 'yeoh', 'hencky'"]),
+        (
+            'mu = ["1 kPa"]',
+            ["law is missing", "ogden, yeoh, hencky, mooney-rivlin, neo-hookean, linear-elastic"],
+        ),
+        (
+            'law = "odgen"',
+            [
+                "law is 'odgen'",
+                "'ogden', 'yeoh', 'hencky', 'mooney-rivlin', 'neo-hookean', 'linear-elastic'",
+            ],
+        ),
         ('law = ["ogden"]', ["law is '['ogden']'", "yeoh"]),
         ('law = "yeoh"', ["c10: is missing; add it"]),
         ('law = "yeoh"\nc10 = 4.91', ["c10", "4.91", "unit"]),
@@ -71,8 +80,11 @@ def test_a_file_by_hand(tmp_path):
         ('law = "yeoh"\nc10 = "1 kPa"\nc_20 = "1 kPa"', ["c_20", "did you mean 'c20'"]),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2, 3]\nnu = 0.4', ["mu has length 1, alpha 2"]),
         ('law = "ogden"\nmu = ["1 kPa", "1"]\nalpha = [2]\nnu = 0.4', ["mu.1", "unit ''"]),
-        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]', ["either d1 or nu"]),
-        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.4\nd1 = "1 1/MPa"', ["either d1"]),
+        ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]', ["give one of d1, k and nu"]),
+        (
+            'law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.4\nd1 = "1 1/MPa"',
+            ["give one of d1, k and nu; d1 and nu are given"],
+        ),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nnu = 0.6', ["nu: is 0.6", "0.5"]),
         ('law = "ogden"\nmu = ["1 kPa"]\nalpha = [2]\nd1 = "1 kPa"', ["d1", "'kPa'", "1/MPa"]),
         ("law = ", ["Invalid value"]),
@@ -103,7 +115,19 @@ def test_units_by_hand():
     assert STRESS.parse(" -1.5e3Pa ") == -0.0015
     assert STRESS.text(0.00191, "kPa") == "1.91 kPa"
     assert COMPLIANCE.text(0.0, "1/MPa") == "0 1/MPa"
-    assert COMPLIANCE.parse("1.67e-6 1/Pa") == 1.67
+    assert COMPLIANCE.parse("1.67e-6 1/Pa") == COMPLIANCE.parse("1.67e-6 Pa^-1") == 1.67
+    # The pound-force, 0.45359237 kg times 9.80665 m/s^2, on a square of 25.4 mm.
+    psi = 0.45359237 * 9.80665 / 25.4**2
+    assert STRESS.parse("2 psi") == pytest.approx(2 * psi, rel=1e-14)
+    assert STRESS.parse("2 ksi") == pytest.approx(2000 * psi, rel=1e-14)
+    assert COMPLIANCE.parse("3 1/psi") == COMPLIANCE.parse("3 psi^-1")
+    assert COMPLIANCE.parse("3 1/psi") == pytest.approx(3 / psi, rel=1e-14)
+    for text in ("3 MPa⁻¹", "3 mm²/N", "3 MPa-1", "3/MPa", "3e-3 kPa^-1"):
+        assert COMPLIANCE.parse(text) == 3.0
+    assert STRESS.parse("4 N/mm²") == STRESS.parse("4 N/mm2") == STRESS.parse("400 N/cm2") == 4.0
+    # Limits in messages: in the unit that was written.
+    assert like("120 %", 1.0) == "100 %" and like("7 N/mm2", 0.5) == "0.5 N/mm2"
+    assert like(1.2, 1.0) == like("1.2", 1.0) == "1"
     with pytest.raises(ValueError, match="'mPa' is unknown"):
         STRESS.parse("12 mPa")  # a slip for MPa
 

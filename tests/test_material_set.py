@@ -1,13 +1,17 @@
 """Material sets: the paper's two, changed by tissue and region, and what makes none."""
 
 import pytest
+from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
 from calfsocket.materials import tissues
-from calfsocket.materials.laws import Hencky, Ogden, Yeoh, neo_hookean
+from calfsocket.materials.laws import Hencky, Ogden, Yeoh, material_law
 from calfsocket.materials.material_set import MaterialSet
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import Socket
+from calfsocket.simulation.simulation import Simulation
 
-SOFT = neo_hookean(1e-3, nu=0.4)
+SOFT = material_law("neo-hookean", mu=1e-3, nu=0.4)
 LIMB = {"skin": "skin", "soleus": "muscle", "crural_fascia": "fascia", "tibia": "bone"}
 
 
@@ -93,3 +97,19 @@ def test_a_region_that_the_limb_does_not_have() -> None:
     changed = MaterialSet.paper("separate").replace(tibialis_anterior=SOFT)
     with pytest.raises(InputError, match="no tissue or region 'tibialis_anterior'"):
         changed.region_laws(LIMB)
+
+
+def test_what_a_wall_does_not_say_is_the_sets() -> None:
+    limb, socket = Limb.reference(), Socket.reference("HS")
+    paper = MaterialSet.paper("separate")
+    stiff = paper.replace(socket=Hencky(e=2200.0, nu=0.35))
+    for wall, materials, expected in (
+        ({}, stiff, Hencky(e=2200.0, nu=0.35)),
+        ({"poisson": 0.3}, stiff, Hencky(e=2200.0, nu=0.3)),
+        ({"modulus": 900.0}, stiff, Hencky(e=900.0, nu=0.35)),
+        ({"modulus": 900.0}, paper, Hencky(e=900.0, nu=0.4)),
+        ({"modulus": 900.0}, paper.replace(socket=SOFT), Hencky(e=900.0, nu=0.4)),
+    ):
+        changed = socket.model_copy(update=wall)
+        simulation = Simulation(limb, changed, materials, mesh_size="coarse", comm=MPI.COMM_SELF)
+        assert simulation.region_laws["socket"] == expected

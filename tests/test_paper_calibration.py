@@ -14,9 +14,7 @@ from calfsocket.paper.calibration import NoCalibration, read_calibration
 from calfsocket.paper.evidence import Evidence
 from calfsocket.paper.guest import guest
 from calfsocket.paper.scoreboard import FAILS, HOLDS, UNCHECKED, check
-from calfsocket.report.chapters import Drawn, Note
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import Table
 from report_calibration import FORCE, write_calibration
 from report_results import limb_study, results_of
 
@@ -109,28 +107,22 @@ def test_the_table_says_what_the_fit_is_worth(tmp_path):
     assert others == "Calibrated with other laws than this study's: fascia."
 
 
-def model_chapter(folder: Path):
-    added = guest(findings(folder))
-    (model,) = (chapter for chapter in added.chapters if chapter.anchor == "model")
-    return added, model.content
-
-
 def test_figure_3_stands_in_its_place(tmp_path):
     write_calibration(tmp_path / "calibration")
-    added, (table1, figure, table) = model_chapter(tmp_path)
-    assert isinstance(figure, Drawn) and (figure.number, figure.name) == (
-        "3",
-        "figure3_calibration",
-    )
-    assert figure.png.is_file() and figure.pdf.is_file()
-    assert isinstance(table, Table) and (table1.name, table.name) == ("table1", "calibration")
-    assert added.warnings == ()
+    added = guest(findings(tmp_path))
+    assert added.numbers["calibration"] == "3"
+    png, pdf = added.figures["calibration"]
+    assert png.is_file() and pdf.is_file()
+    assert added.tables["calibration"].name == "calibration"
+    assert added.warnings == () and not added.values["missing"]
 
 
 def test_without_a_calibration_the_page_says_how_to_get_one(tmp_path, caplog):
-    added, (_, note) = model_chapter(tmp_path)
+    added = guest(findings(tmp_path))
     how = "python3 -m calfsocket calibrate --out FOLDER/calibration"
-    assert isinstance(note, Note) and note.text.startswith("Figure 3 needs ") and how in note.text
+    missing = added.values["missing"]
+    assert missing.startswith("Figure 3 needs ") and how in missing
+    assert "calibration" not in {**added.figures, **added.tables}
     assert added.warnings == () and caplog.records == []
     found = board(tmp_path)
     assert (found.verdict == UNCHECKED).all() and found.why[CLAIMS].str.contains(how).all()
@@ -222,11 +214,12 @@ def test_a_broken_calibration_gets_one_line(spoil, says, tmp_path):
 def test_the_report_is_made_without_a_broken_calibration(tmp_path, caplog):
     broken_json(write_calibration(tmp_path / "calibration"))
     with caplog.at_level(logging.WARNING):
-        added, (_, note) = model_chapter(tmp_path)
+        added = guest(findings(tmp_path))
     (record,) = caplog.records
     assert record.getMessage().startswith("the calibration is left out: ")
-    assert note.text.startswith("The calibration, figure 3, is left out: ")
-    assert added.warnings == (note.text,)
+    missing = added.values["missing"]
+    assert missing.startswith("The calibration, figure 3, is left out: ")
+    assert added.warnings == (missing,)
     assert board(tmp_path).why[CLAIMS].str.contains(r"calibration\.json").all()
 
 

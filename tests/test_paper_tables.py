@@ -7,7 +7,7 @@ import pytest
 from calfsocket.paper import comparison, figures, published
 from calfsocket.paper.evidence import STRAINS, Evidence
 from calfsocket.paper.tables import tables
-from calfsocket.report.table import TIMES, TOGETHER, number
+from calfsocket.report.words import TIMES, TOGETHER, number
 from calfsocket.study.document import ModelTable
 from report_results import ALL, contact_on, limb, limb_study, results_of
 
@@ -38,7 +38,7 @@ def test_printed_numbers_are_complete():
 
 
 def test_table_1_in_the_papers_units(evidence):
-    rows = comparison.materials(evidence.laws).set_index(["material", "symbol"])
+    rows = comparison.materials(evidence.parameters).set_index(["material", "symbol"])
     assert rows.ours["skin", "D1"] == pytest.approx(9.12e-8)
     assert rows.ours["bone", "E"] == pytest.approx(11.8)
     np.testing.assert_allclose(rows.ratio, 1, rtol=1e-9)
@@ -46,7 +46,7 @@ def test_table_1_in_the_papers_units(evidence):
 
 def test_table_1_of_other_choices():
     study = results_of(limb_study(ALL[:1]), ModelTable(fascia_c10="tables"))
-    laws = Evidence(study).laws
+    laws = Evidence(study).parameters
     rows = comparison.materials(laws).set_index(["material", "symbol"])
     assert rows.ratio["fascia", "C10"] == pytest.approx(0.1)
 
@@ -138,13 +138,13 @@ def bars_and_marks(figure) -> tuple[list[float], list[float]]:
 def test_bars_are_ours_and_marks_are_the_papers(evidence):
     table, drawn = evidence.compared_changes, figures.figures(evidence)
     maxima = table[table.site == "max_both"]
-    bars, marks = bars_and_marks(drawn["5"].draw())
+    bars, marks = bars_and_marks(drawn["changes_of_maxima"]())
     assert sorted(bars) == pytest.approx(sorted(maxima.ours))
     assert sorted(marks) == pytest.approx(sorted(maxima.paper))
     assert max(marks) == 459  # the paper's largest: muscle, effective stress, TC
     assert min(marks) == -599
     sites = table[(table.site != "max_both") & table["quantity"].isin(STRAINS)]
-    bars, marks = bars_and_marks(drawn["8"].draw())
+    bars, marks = bars_and_marks(drawn["strain_at_sites"]())
     assert sorted(bars) == pytest.approx(sorted([*sites.ours, *sites.ours]))  # in two ranges
     assert min(marks) == -15900
 
@@ -156,8 +156,8 @@ def test_equation_3_and_the_change_of_magnitude_are_not_mixed_up():
         fields = limb(factor)
         cases["TC", name] = (fields, contact_on(fields, -10 * factor))
     drawn = figures.figures(Evidence(results_of(cases)))
-    equation_3, _ = bars_and_marks(drawn["5"].draw())
-    magnitude, _ = bars_and_marks(drawn["5b"].draw())
+    equation_3, _ = bars_and_marks(drawn["changes_of_maxima"]())
+    magnitude, _ = bars_and_marks(drawn["changes_of_magnitude"]())
     assert np.count_nonzero(np.isclose(equation_3, -50)) == 5
     assert np.count_nonzero(np.isclose(magnitude, -50)) == 0
     assert np.count_nonzero(np.isclose(magnitude, 50)) == 10  # effective stress, too

@@ -32,10 +32,10 @@ def test_picture_is_drawn(tmp_path, monkeypatch):
     image = matplotlib.image.imread(path)
     assert image.shape[1] == 1000
     assert image.std() > 0.1
-    # areas from the radii, mm2, in a frame of 184 x 184 mm and 7/8 of the picture:
-    # socket 48 to 52.5 mm: 4.2 %, bone 5 to 12 mm: 0.96 %, skin (above 10 kPa nearly everywhere)
-    # 46 to 48 mm of 1.5 %; lines cover a part of each
-    part = 7 / 8 / 184**2 * np.pi
+    # areas from the radii, mm2, in a frame of 1.55 times 96 mm and 7/8 of the picture:
+    # socket 48 to 52.5 mm: 5.6 %, bone 5 to 12 mm: 1.5 %, skin (above 10 kPa nearly everywhere)
+    # 46 to 48 mm of 2.3 %; lines cover a part of each
+    part = 7 / 8 / (picture.FRAME * 96) ** 2 * np.pi
     assert share_of(image, drawing.SOCKET) == pytest.approx(part * (52.5**2 - 48**2), rel=0.08)
     assert share_of(image, drawing.BONE) == pytest.approx(part * (12**2 - 5**2), rel=0.15)
     assert 0.5 < share_of(image, drawing.ABOVE) / (part * (48**2 - 46**2)) < 1.1

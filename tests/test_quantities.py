@@ -323,6 +323,17 @@ def test_running_mean_spreads_a_spike_over_its_window():
     assert smooth[35] == pytest.approx(1) and smooth[34] == pytest.approx(0, abs=1e-12)
 
 
+def test_of_contact_in_short_pieces_the_mean_may_be_above_the_maximum():
+    """1 mm of 12 in contact at 30 kPa: the 3 mm window holds 30 kPa mm / 3 mm = 10 kPa."""
+    pressure = np.zeros(12)
+    pressure[4] = 30.0
+    contact = line(pressure, np.ones(12), ["open"] * 4 + ["stick"] + ["open"] * 7)
+    rows = contact_quantities(limb_and_socket(), contact)
+    assert rows["contact_pressure_mean"].value == pytest.approx(30)
+    assert rows["contact_pressure_max"].value == pytest.approx(10)
+    assert rows["contact_share"].value == pytest.approx(100 / 12)
+
+
 def test_running_mean_goes_around_the_end_and_weighs_lengths():
     pressure = np.array([30.0] + [0.0] * 9)
     weight = np.array([2.0] + [1.0] * 9)

@@ -11,6 +11,7 @@ from PIL import Image
 
 from calfsocket.plotting.style import MOST_ABREAST, MOST_SHOWN, abreast, save, type_set
 from calfsocket.report.figures import figures, geometry, maps, pressure
+from calfsocket.report.findings import Findings
 from report_results import ALL, contact_on, limb, results_of
 from sections import annulus
 
@@ -29,7 +30,7 @@ def test_files_are_at_300_dpi_and_180_mm_and_have_the_same_bytes_again(six_resul
     backend = matplotlib.get_backend()
     for number in ("first", "second"):
         with type_set():
-            save(figures(one)["contact_pressure"].draw(), tmp_path, number)
+            save(figures(Findings(one))["contact_pressure"](), tmp_path, number)
     assert matplotlib.get_backend() == backend
     with Image.open(tmp_path / "first.png") as image:
         assert image.width == pytest.approx(180 / 25.4 * 300, abs=1)
@@ -41,14 +42,14 @@ def test_files_are_at_300_dpi_and_180_mm_and_have_the_same_bytes_again(six_resul
     assert first.startswith(b"%PDF") and first.count(b"/Subtype /Image") == 0  # all vectors
 
 
-def test_an_unsolved_case_leaves_its_panel_empty(six_results):
+def test_a_case_that_is_not_in_the_study_leaves_its_panel_empty(six_results):
     keys = (("TC", "separate"), ("HS", "separate"), ("HS", "combined"))
-    shown = texts(pressure.contact_pressure(six_results.only(keys)))
-    assert shown.count("not solved") == 1
+    shown = texts(pressure.contact_pressure(Findings(six_results.only(keys))))
+    assert shown.count("not in the study") == 1
 
 
 def test_every_region_of_the_limb_has_a_number_and_a_name(six_results):
-    shown = texts(geometry.regions(six_results))
+    shown = texts(geometry.regions(Findings(six_results)))
     for name in ("soleus", "deep fascia", "fibular artery", "fibula", "tibia"):
         assert shown.count(name) == 1
     for number in map(str, range(1, 8)):
@@ -66,11 +67,11 @@ def test_the_area_that_a_socket_takes():
     points[socket] = shell[np.unique(cells)]
     fields = replace(fields, points=points)
     results = results_of({("TC", "separate"): (fields, contact_on(limb(), 10.0))})
-    assert "encloses 4.94 % less area" in texts(geometry.overlays(results))
+    assert "encloses 4.94 % less area" in texts(geometry.overlays(Findings(results)))
 
 
 def test_contact_pressure_is_written_and_drawn_to_one_scale(six_results):
-    figure = pressure.contact_pressure(six_results)
+    figure = pressure.contact_pressure(Findings(six_results))
     shown = texts(figure)
     # 5 kPa times 2 (TC), 1 (TSB), 3 (HS), half as much again with Combined
     for value in ("5.0", "7.5", "10.0", "15.0", "22.5"):
@@ -91,7 +92,7 @@ def test_contact_pressure_is_written_and_drawn_to_one_scale(six_results):
 def test_maps_show_values_on_one_scale(six_results):
     assert (maps.EFFECTIVE_STRESS.low, maps.EFFECTIVE_STRESS.high) == (0, 10)
     assert (maps.SHEAR_STRAIN.low, maps.SHEAR_STRAIN.high) == (-50, 50)
-    figure = maps.draw_map(six_results, maps.EFFECTIVE_STRESS)
+    figure = maps.draw_map(Findings(six_results), maps.EFFECTIVE_STRESS)
     images = [image for axes in figure.axes for image in axes.get_images()]
     assert len(images) == 6
     assert {(image.norm.vmin, image.norm.vmax) for image in images} == {(0, 10)}
@@ -113,5 +114,6 @@ def test_many_sockets_are_drawn_in_rows_and_the_rest_is_said():
     assert [len(row) for row in abreast(sockets)] == [MOST_ABREAST] * 3
     fields = limb()
     one = (fields, contact_on(fields, 5.0))
-    figure = pressure.contact_pressure(results_of({(name, "soft"): one for name in sockets}))
+    many = Findings(results_of({(name, "soft"): one for name in sockets}))
+    figure = pressure.contact_pressure(many)
     assert f"the first {MOST_SHOWN} of 14 sockets" in figure.texts[0].get_text()

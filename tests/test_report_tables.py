@@ -11,7 +11,9 @@ import pytest
 from calfsocket.io.errors import InputError
 from calfsocket.report import tables
 from calfsocket.report.damage import DamageThresholds, damage
-from calfsocket.report.table import Table, change, number, spread
+from calfsocket.report.findings import Findings
+from calfsocket.report.table import Table, spread
+from calfsocket.report.words import change, number
 from report_results import contact_on_plate, plate, results_of
 
 # --- damage
@@ -92,7 +94,7 @@ def test_spread_keeps_the_order_of_first_appearance():
 
 def test_tables_are_written_in_three_forms(six_results, tmp_path):
     made = [
-        tables.laws(six_results),
+        tables.laws(Findings(six_results).laws),
         tables.maxima(six_results),
         tables.damage(damage(six_results, DamageThresholds())),
     ]
@@ -113,6 +115,6 @@ def test_tables_are_written_in_three_forms(six_results, tmp_path):
 def test_html_is_escaped():
     data = pd.DataFrame({"a": ["x"]})
     shown = pd.DataFrame({"<b>": ["<i>&"]}, index=["1 < 2"])
-    html = Table("t", "a < b", "c & d", data, shown, ("<note>",)).html()
+    html = Table("t", data, shown, ("<note>",), "a < b", "c & d").html()
     assert "<b>" not in html and "<i>" not in html and "<note>" not in html
     assert "a &lt; b" in html and "c &amp; d" in html

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from report_text import written
 
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.paper import choices
 from calfsocket.paper.scoreboard import HOLDS, UNCHECKED
 from calfsocket.report import variants
 from calfsocket.report.findings import Findings
+from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.results import Results
 from report_results import ALL, limb_study, result, results_of
 
@@ -102,3 +104,25 @@ def test_tables_as_they_are_read(study):
     }
     assert "C023" not in made["claims_by_variant"].markdown()
     assert "×2.00 (2.00 to 2.00) *" in made["dependence"].markdown()  # noqa: RUF001
+
+
+def test_the_page_counts_all_cases_and_says_what_is_left_out(study, tmp_path):
+    """The base is shown, its variants are summed up; one that failed is in no number."""
+    key = ("TC@socket-fixed", "combined")
+    failed = CaseRecord(
+        socket=key[0], material_set=key[1], of=ALL[1], changes=HELD, status="failed", message="why"
+    )
+    run = study.run.model_copy(update={"cases": study.run.cases | {failed.name: failed}})
+    records = {**study.records, key: failed}
+    report = written(Results(tmp_path, run, records, lambda record: study[record.key]))
+    for sentence in (
+        "TC Separate and Combined. Mesh size coarse",
+        "TC@socket-fixed_combined is left out: why",
+        "Cases: those that reached their full load.",
+        "Of the base; variants change some.",
+        "Magnitude under the variant over that of the base. *: it moves by more than 10 %.",
+        "Every result is a stable equilibrium",
+    ):
+        assert sentence in report.text, sentence
+    # friction is no choice of the paper alone, as these two variants are not all of its own
+    assert "None of these choices" not in report.text and "16 studies" not in report.text

@@ -124,9 +124,9 @@ def test_steps_reach_the_full_load(results):
 def test_fields_are_read_back_with_names(results):
     grid = pyvista.read(results / "TSB_combined" / "fields.vtu")
     assert grid.n_cells > 7000
-    names = list(grid.field_data["region_names"])
+    names = [name for name in grid.field_data.keys() if name.startswith("region ")]
     assert len(names) == 28
-    assert "gastrocnemius_medial_head" in names
+    assert "region gastrocnemius_medial_head" in names
     displacement = np.linalg.norm(grid.point_data["displacement"], axis=1)
     assert 0.1 < displacement.max() < 3
     for name in ("effective_stress_kPa", "shear_log_strain_percent"):

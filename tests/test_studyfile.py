@@ -414,6 +414,22 @@ def test_check_lists_cases_and_solves_nothing(tmp_path, capsys, monkeypatch):
     assert [each.name for each in tmp_path.iterdir()] == ["study.toml"]
 
 
+def test_check_names_what_the_file_says_in_vain(tmp_path, capsys):
+    text = """
+    [study]
+    sockets = ["TC"]
+    materials = ["separate"]
+    quantities = ["contact_share"]
+    [sockets.pressure]
+    like = "HS"
+    [materials.liner]
+    """
+    (tmp_path / "study.toml").write_text(text)
+    assert cli.main(["check", str(tmp_path / "study.toml")]) == 0
+    said = "not used: sockets.pressure (no case), materials.liner (no case), study.quantities (no"
+    assert said in capsys.readouterr().out
+
+
 def test_show_draws(tmp_path, capsys):
     import matplotlib.image
 

@@ -11,7 +11,7 @@ from calfsocket import cli
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.limb import Limb
 from calfsocket.study.cases import Plan
-from calfsocket.study.record import Recorder, check_folder
+from calfsocket.study.record import Recorder, results_folder
 from calfsocket.study.study import Study
 
 STUDY = """
@@ -128,17 +128,22 @@ def plan_of(path: Path) -> Plan:
     return Study.read(path).plan
 
 
+def check_folder(folder: Path, plan: Plan) -> None:
+    with results_folder(folder, plan):
+        pass
+
+
 def test_results_of_another_study_are_not_mixed_in(results, tmp_path):
-    check_folder(results, plan_of(write_study(tmp_path)), overwrite=False)
+    check_folder(results, plan_of(write_study(tmp_path)))
     more = plan_of(write_study(tmp_path, STUDY.replace("[0.3]", "[0.3, 0.5]")))
-    check_folder(results, more, overwrite=False)  # adds a case, and leaves the other as it is
+    check_folder(results, more)  # adds a case, and leaves the other as it is
     assert len(more.cases) == 2
     stiffer = plan_of(write_study(tmp_path, STUDY.replace("2.2 GPa", "2.3 GPa")))
     with pytest.raises(InputError, match=rf"other inputs \(case {NAME} changed\)"):
-        check_folder(results, stiffer, overwrite=False)
+        check_folder(results, stiffer)
     limit = plan_of(write_study(tmp_path, STUDY.replace("11 kPa", "9 kPa")))
     with pytest.raises(InputError, match=r"other inputs \(thresholds changed\)"):
-        check_folder(results, limit, overwrite=False)
+        check_folder(results, limit)
 
 
 def test_a_run_of_another_version_is_refused_in_one_line(results, tmp_path, capsys):

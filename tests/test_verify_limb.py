@@ -190,10 +190,10 @@ def test_results_of_other_inputs_are_refused(tmp_path, monkeypatch):
     assert limb_runs.solved_study(tmp_path, "coarse", ["combined"]) == tmp_path
     assert solved == [(tmp_path, True)]
 
-    def refuse(folder, plan, overwrite):
+    def refuse(folder, plan):
         raise InputError("other inputs")
 
-    monkeypatch.setattr(limb_runs, "check_folder", refuse)
+    monkeypatch.setattr(limb_runs, "results_folder", refuse)
     with pytest.raises(InputError, match=r"--results: .* other inputs; name another folder"):
         limb_runs.solved_study(tmp_path, "medium", ["combined"])
     assert len(solved) == 1

@@ -1,5 +1,7 @@
 """Files read back; and whole at every moment, whoever else writes."""
 
+import errno
+import fcntl
 import json
 import multiprocessing
 import os
@@ -7,13 +9,14 @@ import stat
 import subprocess
 import sys
 
+import meshio
 import numpy as np
 import pandas as pd
 import pytest
 import pyvista
 
-from calfsocket.io.errors import WriteError
-from calfsocket.io.files import remove_unfinished, replacing, write_json
+from calfsocket.io.errors import InputError, WriteError
+from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
 from calfsocket.io.tables import merge_csv
 from calfsocket.postprocess.fields import TISSUES
 from calfsocket.postprocess.quantities import Quantities
@@ -132,6 +135,32 @@ def test_four_processes_at_once_lose_nothing_and_a_reader_sees_whole_files(tmp_p
         assert case.value.tolist() == list(range(9, 209))
 
 
+# --- a folder for one run
+
+
+def test_a_folder_is_occupied_once_and_free_afterwards(tmp_path):
+    with occupied(tmp_path / "new"):
+        with pytest.raises(
+            InputError, match=rf"process {os.getpid()} on .* \(since 2.*name another"
+        ):
+            with occupied(tmp_path / "new"):
+                pass
+        with pytest.raises(InputError, match="is solving into this folder"):
+            with occupied(tmp_path / "new"):
+                pass
+    with occupied(tmp_path / "new"):
+        pass
+
+
+def test_a_disk_without_locks_gets_a_warning(tmp_path, monkeypatch, caplog):
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with occupied(tmp_path):
+        assert f"{tmp_path}: cannot be locked (No locks available)" in caplog.text
+
+
 # --- fields
 
 
@@ -139,7 +168,7 @@ def test_four_processes_at_once_lose_nothing_and_a_reader_sees_whole_files(tmp_p
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("results") / "TC_separate"
     fields = limb_and_socket()
-    write_fields(folder, Quantities.of(fields), "TC", "separate")
+    write_fields(folder, Quantities.of(fields), 0.5)
     return folder, fields
 
 
@@ -147,11 +176,13 @@ def test_fields_hold_names_and_values(written):
     folder, fields = written
     grid = pyvista.read(folder / FIELDS_FILE)
     assert set(grid.celltypes) == {pyvista.CellType.QUADRATIC_TRIANGLE}
-    names = dict(zip(grid.field_data["region_ids"], grid.field_data["region_names"], strict=True))
-    assert {int(i): str(name) for i, name in names.items()} == fields.region_names
-    assert [str(name) for name in grid.field_data["tissue_names"]] == list(TISSUES)
+    named = {name: values.tolist() for name, values in grid.field_data.items()}
+    for number, name in fields.region_names.items():
+        tissue = TISSUES.index(fields.region_tissues[number])
+        assert named[f"region {name}"] == [number, tissue]
+        assert named[f"tissue {TISSUES[tissue]}"] == [tissue]
+    assert named["load"] == [0.5]
     assert grid.cell_data["region"].tolist() == fields.region.tolist()
-    assert str(grid.field_data["socket"][0]) == "TC"
     assert set(grid.point_data.keys()) == {
         "displacement",
         "effective_stress_kPa",
@@ -171,6 +202,24 @@ def test_fields_hold_names_and_values(written):
         np.testing.assert_array_equal(
             grid.point_data[name][cells], nodal[name.removesuffix("_kPa").removesuffix("_percent")]
         )
+
+
+def test_meshio_reads_the_fields_as_pyvista_does(written):
+    folder, _ = written
+    grid, mesh = pyvista.read(folder / FIELDS_FILE), meshio.read(folder / FIELDS_FILE)
+    (cells,) = mesh.cells
+    assert cells.type == "triangle6"
+    np.testing.assert_array_equal(cells.data, grid.cells_dict[pyvista.CellType.QUADRATIC_TRIANGLE])
+    np.testing.assert_array_equal(mesh.points, grid.points)
+    assert set(mesh.point_data) == set(grid.point_data) and mesh.point_data
+    for name, values in mesh.point_data.items():
+        np.testing.assert_array_equal(values, grid.point_data[name])
+    assert set(mesh.cell_data) == set(grid.cell_data)
+    for name, (values,) in mesh.cell_data.items():
+        np.testing.assert_array_equal(values, grid.cell_data[name])
+    assert set(mesh.field_data) == set(grid.field_data)
+    for name, values in mesh.field_data.items():
+        np.testing.assert_array_equal(values, grid.field_data[name])
 
 
 def test_stress_may_jump_between_regions(written):

@@ -16,6 +16,7 @@ import resource
 import signal
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,12 @@ from calfsocket.meshes import section, tags
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import check_placement
 from calfsocket.meshes.socket import NormalOffset, Socket
+from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.simulation.record import StudySource
 from calfsocket.study import runner
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.document import Document
-from calfsocket.study.record import check_folder
+from calfsocket.study.record import results_folder
 from calfsocket.study.runner import Runner
 
 # Semi-axes in mm.
@@ -98,8 +100,11 @@ class TinyStudy:
         ranks_per_case: int | None = None,
     ) -> bool:
         """Solve it; return whether all cases reached the full load."""
-        check_folder(self.out, self.plan, overwrite=False)
-        return Runner(comm, self.plan, self.out, ranks_per_case, self.pictures).run(resume)
+        with ExitStack() as stack:
+            place = results_folder(self.out, self.plan)
+            on_first_rank(comm, lambda: stack.enter_context(place))
+            runner = Runner(comm, self.plan, self.out, ranks_per_case, self.pictures)
+            return runner.run(resume)
 
 
 def tiny_study(

@@ -78,7 +78,8 @@ class Fit:
 def ogden(mu: float, alpha: float, d1: float | None = None) -> Ogden:
     """Ogden's law of one term; D1 in 1/MPa from `NU` unless it is given."""
     by: dict[str, Any] = {"nu": NU} if d1 is None else {"d1": d1}
-    return Ogden(mu=(mu,), alpha=(alpha,), **by)
+    # No other notation: the record says whether D1 follows from `NU`.
+    return Ogden(mu=(mu,), alpha=(alpha,), **by).model_copy(update={"given": None})
 
 
 def fit_curve(

@@ -1,10 +1,17 @@
 """The command ``fit``: a law from stress-stretch data, and the files that it is written to."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 
 from calfsocket.commands import command, first_rank, option
 from calfsocket.io.errors import InputError
+
+
+def cycle_number(word: str) -> int | str:
+    """Read the number of a cycle."""
+    if word == "last" or (word.isdecimal() and int(word)):
+        return word if word == "last" else int(word)
+    raise ArgumentTypeError(f"'{word}' is not a number from 1, or last")
 
 
 @command(
@@ -18,13 +25,25 @@ from calfsocket.io.errors import InputError
     ),
     option(
         "--mode",
-        choices=("uniaxial", "equibiaxial", "planar"),
-        help="kind of test, unless the file has a column `mode` (default: uniaxial)",
+        choices=("uniaxial", "equibiaxial", "planar", "shear"),
+        help="kind of test, unless the file has a column `mode`; shear is simple shear (default: "
+        "uniaxial)",
     ),
     option(
         "--stress",
         choices=("engineering", "cauchy"),
         help="meaning of a column `stress` (default: engineering)",
+    ),
+    option(
+        "--branch",
+        choices=("loading", "unloading"),
+        help="which curve of a file with both; loading leads away from a stretch of 1",
+    ),
+    option(
+        "--cycle",
+        type=cycle_number,
+        metavar="N",
+        help="which cycle of a file with several, from 1, or last",
     ),
     option(
         "--nu",
@@ -41,16 +60,21 @@ from calfsocket.io.errors import InputError
     description="""\
 Fit a law to stress-stretch data (section 2.2 of the paper).
 
-DATA is a CSV file of one test with units in its header:
+DATA is a CSV file of one test with names and units of its columns in the first line:
 
   # Strips of crural fascia, mediolateral
   stretch, engineering_stress [kPa]
   1.00, 0.0
   1.02, 310.5
 
-Columns: stretch, or strain [-] or [%]; engineering_stress or cauchy_stress or stress [UNIT];
-stress_sd [UNIT], the standard deviation, and mode if wanted. Compression is negative. Several files
-are fitted together. The material is taken as incompressible.
+Columns: one of stretch, strain [-] or [%], true_strain, and of simple shear shear_strain or
+shear_angle [deg]; one of engineering_stress, cauchy_stress and stress, with a unit: Pa, kPa, MPa,
+N/mm^2, psi, ...; stress_sd, the standard deviation, and mode if wanted. Others are not used. They
+are separated by semicolons, tabs, commas or blanks; numbers may have decimal commas. Compression is
+negative. Several files are fitted together. The material is taken as incompressible.
+
+Where a file has loading and unloading (the stretch goes back by more than 5 % of its range), one of
+the two is chosen by --branch, and of several cycles one by --cycle.
 
 Coefficients stay at 0 or above, where the law is stable at every strain. Searches start from many
 exponents; the fit reports what the data do not determine.
@@ -59,6 +83,7 @@ exponents; the fit reports what the data do not determine.
 examples:
   python3 -m calfsocket fit examples/fascia_uniaxial_synthetic.csv --law yeoh
   python3 -m calfsocket fit examples/muscle_*_synthetic.csv --law ogden --out muscle
+  python3 -m calfsocket fit loop.csv --law ogden --branch loading --cycle last
   python3 -m calfsocket --material muscle=muscle/material.toml
 
 results:
@@ -76,10 +101,10 @@ def fit(arguments: Namespace) -> None:
     from calfsocket.fit.diagnostics import diagnostics
     from calfsocket.fit.families import family
     from calfsocket.fit.regression import fit
-    from calfsocket.fit.stability import stable_ranges
     from calfsocket.io.files import replacing, write_json
     from calfsocket.io.tables import FLOAT_FORMAT
     from calfsocket.materials.file import write_material
+    from calfsocket.materials.stability import stable_ranges
 
     law = arguments.law
     terms = arguments.terms if arguments.terms is not None else 3 if law == "yeoh" else 1
@@ -87,7 +112,8 @@ def fit(arguments: Namespace) -> None:
         raise InputError("--nu: Yeoh's law is incompressible; omit it")
     nu = 0.495 if arguments.nu is None else arguments.nu
     chosen = family(law, terms)
-    tests = [read_test(path, arguments.mode, arguments.stress) for path in arguments.data]
+    options = arguments.mode, arguments.stress, arguments.branch, arguments.cycle
+    tests = [read_test(path, *options) for path in arguments.data]
     fitted = fit(chosen, tests, nu, arguments.free_signs)
     stable = stable_ranges(fitted.law)
     notes = diagnostics(fitted, stable)
@@ -107,6 +133,7 @@ def fit(arguments: Namespace) -> None:
             "data": [test.path.name for test in tests],
             "data_title": [test.title for test in tests],
             "data_sha256": [test.sha256 for test in tests],
+            "data_branch": [test.branch for test in tests],
             "r_squared": fitted.r_squared,
             "diagnostics": notes,
             **settings,

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
         ),
     ),
     description="""\
-Write tables, figures, the scoreboard and report.html of a study, from its files alone; a study that
-is not complete gets what it allows.
+Write tables, figures and report.html of a study, from its files alone; a study that is not complete
+gets what it allows. Beside results of the paper's cases stand the paper's own, with a scoreboard of
+its claims.
 """,
 )
 @first_rank
@@ -42,22 +43,25 @@ def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
     from calfsocket.report.write import write_report
     from calfsocket.simulation.results import load_results
 
-    return write_report(load_results(folder), [guest], thresholds)
+    return write_report(load_results(folder), guest, thresholds)
 
 
 @command(
     option("folder", type=Path, metavar="FOLDER", help="e.g. results/TC_separate"),
-    description="Redraw the picture of a solved case from its files.",
+    description="""\
+Redraw the picture of a case from its files. That of a case which has stopped below its full load
+says so.
+""",
 )
 @first_rank
 def picture(arguments: Namespace) -> None:
-    """Redraw the picture of a solved case."""
+    """Redraw the picture of a case."""
     from calfsocket.simulation.result import RESULT_FILE, Result
 
     folder = arguments.folder
     if not (folder / RESULT_FILE).is_file():
         raise InputError(
             f"picture: {folder} contains no {RESULT_FILE}; "
-            "name the folder of a solved case, e.g. results/TC_separate"
+            "name the folder of a case, e.g. results/TC_separate"
         )
-    print(Result.load(folder).draw(folder))
+    print(Result.load(folder, stopped=True).draw(folder))

@@ -45,8 +45,9 @@ def new(arguments: Namespace) -> None:
 @command(
     FILE,
     description="""\
-Check a study file without solving it: keys, units, ranges, the files it names, and whether each
-socket can be put on the limb. Also list the cases.
+Check a study file without solving it: keys, units, ranges, the files it names, whether each socket
+can be put on the limb, and whether laws stay stable at the stretches of a limb in a socket. Also
+list the cases.
 """,
     epilog="Exit code: 0 if the file can be run, 2 if it cannot; one line says why.\n",
 )
@@ -55,7 +56,10 @@ def check(arguments: Namespace) -> None:
     """Check a study file in seconds, without solving."""
     from calfsocket.study.study import Study
 
-    print(listing(arguments.file, Study.read(arguments.file).plan), end="")
+    plan = Study.read(arguments.file).plan
+    print(listing(arguments.file, plan), end="")
+    for text in plan.warnings:
+        print(f"warning: {text}")
 
 
 def listing(path: Path, plan: "Plan") -> str:
@@ -72,6 +76,8 @@ def listing(path: Path, plan: "Plan") -> str:
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
     lines += [f"  {notice}" for notice in plan.notices]
+    if plan.unused:
+        lines.append(f"  not used: {', '.join(plan.unused)}")
     return "\n".join(lines) + "\n"
 
 

@@ -6,21 +6,30 @@ import numpy as np
 from scipy import stats
 
 from calfsocket.fit.regression import LEVEL, Fit
-from calfsocket.fit.stability import StableRange
+from calfsocket.materials.stability import StableRange
 
 CONDITION_LIMIT = 1e6
 """Condition number above which terms are nearly redundant: variances go with its square, so that
 twelve of their sixteen digits are lost."""
 
 
-def diagnostics(fit: Fit, stable: list[StableRange]) -> list[str]:
+def diagnostics(fit: Fit, stable: Sequence[StableRange]) -> list[str]:
     """Return sentences about what the data do not determine and where the law is not stable."""
     return [
+        *_data(fit),
         *_searches(fit),
         *_misfit(fit),
         *_patterns(fit),
         *_parameters(fit),
         *_stability(fit, stable),
+    ]
+
+
+def _data(fit: Fit) -> list[str]:
+    return [
+        f"Columns of {test.path.name} that are not used: {', '.join(test.unused)}."
+        for test in fit.tests
+        if test.unused
     ]
 
 
@@ -100,15 +109,9 @@ def _parameters(fit: Fit) -> list[str]:
     return found
 
 
-def _stability(fit: Fit, stable: list[StableRange]) -> list[str]:
+def _stability(fit: Fit, stable: Sequence[StableRange]) -> list[str]:
     found = []
     for test in fit.tests:
-        tested = next(r for r in stable if r.mode == test.mode)
-        if not tested.holds(test.stretch):
+        if not all(r.holds(test.stretch) for r in stable if r.is_of(test.mode)):
             found.append(f"Not stable (Drucker) within the data of {test.path.name}.")
-    for r in stable:
-        limits = [f"below stretch {r.low:.3g}"] if r.low else []
-        limits += [f"above stretch {r.high:.3g}"] if r.high else []
-        if limits:
-            found.append(f"Not stable (Drucker) in {r.mode} tests {' and '.join(limits)}.")
-    return found
+    return found + [f"Not stable (Drucker) in {r.words}." for r in stable if r.words]

@@ -11,20 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from calfsocket.fit.modes import Array, Mode, engineering_stress
 from calfsocket.io.errors import InputError
+from calfsocket.materials.law import STEP
 from calfsocket.materials.laws import Law, Ogden, Yeoh
-
-ALPHA_MAX = 100.0
-"""Largest |alpha|: there the study's forms are right to 1e-9 up to l1/l2 = 2 (`forms.accuracy`)."""
+from calfsocket.materials.modes import Array, Mode, engineering_stress
 
 START_ALPHAS = (-54.0, -18.0, -6.0, -2.0, 2.0, 6.0, 18.0, 54.0)
 """Exponents from which fits start, in all combinations of as many as there are terms."""
 
 MAX_TERMS = 3
 LAWS = ("yeoh", "ogden", "neo-hookean")
-
-STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,8 @@ class Family:
         fields = self.fields(*self.split(parameters))
         if "d1" in self.kind.model_fields:
             fields["nu"] = nu
-        return self.kind(**fields)
+        # No other notation: Poisson's ratio is in the settings of the fit.
+        return self.kind(**fields).model_copy(update={"given": None})
 
     def stress(self, parameters: Array, mode: Mode, stretch: Array) -> Array:
         """Engineering stress, in the unit of the coefficients, (n,).
@@ -99,7 +96,7 @@ def family(law: str, terms: int) -> Family:
             return Family(
                 f"Ogden, {count}",
                 Ogden,
-                lambda mu, alpha: {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist())},
+                _ogden,
                 coefficients=tuple(f"mu{i}" for i in numbers),
                 exponents=tuple(f"alpha{i}" for i in numbers),
                 starts=tuple(combinations(START_ALPHAS, terms)),
@@ -111,6 +108,10 @@ def family(law: str, terms: int) -> Family:
 
 def _yeoh(coefficients: Array, _: Array) -> dict[str, Any]:
     return dict(zip(("c10", "c20", "c30"), coefficients.tolist(), strict=False))
+
+
+def _ogden(mu: Array, alpha: Array) -> dict[str, Any]:
+    return {"mu": tuple(mu.tolist()), "alpha": tuple(alpha.tolist()), "form": "abaqus"}
 
 
 def _neo_hookean(mu: Array, _: Array) -> dict[str, Any]:

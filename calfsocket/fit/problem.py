@@ -6,9 +6,10 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 
 from calfsocket.fit.data import Test
-from calfsocket.fit.families import ALPHA_MAX, Family
-from calfsocket.fit.modes import Array
+from calfsocket.fit.families import Family
 from calfsocket.io.errors import InputError
+from calfsocket.materials.modes import Array
+from calfsocket.materials.ogden import ALPHA_MAX
 
 TOLERANCE = 1e-10
 """Relative change of residual and parameters at which a search has converged."""

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from calfsocket.fit.data import Test
-from calfsocket.fit.families import ALPHA_MAX, Family
-from calfsocket.fit.modes import Array, Mode
+from calfsocket.fit.families import Family
 from calfsocket.fit.problem import Problem
 from calfsocket.io.errors import InputError
 from calfsocket.materials.laws import Law
+from calfsocket.materials.modes import Array, Mode
+from calfsocket.materials.ogden import ALPHA_MAX
 
 LEVEL = 0.95
 """Confidence of intervals, and of the statement that another minimum fits as well."""

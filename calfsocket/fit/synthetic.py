@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calfsocket.fit.modes import Mode, engineering_stress
 from calfsocket.io.files import replacing
 from calfsocket.materials.laws import Law
+from calfsocket.materials.modes import Mode, engineering_stress
 from calfsocket.materials.tissues import FASCIA, KPA, MUSCLE
 
 POINTS = 26

@@ -10,7 +10,8 @@ import scipy
 import calfsocket
 from calfsocket.fit.data import Test
 from calfsocket.fit.regression import LEVEL, Fit
-from calfsocket.fit.stability import SCANNED, StableRange
+from calfsocket.materials.modes import amount_of_shear
+from calfsocket.materials.stability import SCANNED, StableRange
 from calfsocket.materials.tissues import KPA
 
 
@@ -39,10 +40,13 @@ def parameter_lines(fit: Fit) -> list[str]:
 def summary(fit: Fit, stable: Sequence[StableRange], notes: Sequence[str]) -> str:
     """Summarise a fit for the terminal."""
     unit, mpa = stress_unit(fit.tests)
-    lines = [f"{test.path.name}: {test.title}" for test in fit.tests]
+    lines = [
+        f"{test.path.name}{f' ({test.branch})' if test.branch else ''}: {test.title}"
+        for test in fit.tests
+    ]
     lines += [f"{fit.family.title}:", *(f"  {line}" for line in parameter_lines(fit))]
     lines += [f"R^2 {fit.r_squared:.5f}, rms of the residual {fit.rms / mpa:.3g} {unit}"]
-    if all(r.low is None and r.high is None for r in stable):
+    if not any(r.words for r in stable):
         lines += ["stable (Drucker) at stretches of {} to {} in all tests".format(*SCANNED)]
     lines += [f"note: {note}" for note in notes]
     return "\n".join(lines)
@@ -57,6 +61,7 @@ def curve_rows(fit: Fit) -> pd.DataFrame:
                     "file": test.path.name,
                     "mode": test.mode,
                     "stretch": test.stretch,
+                    "shear_strain": amount_of_shear(test.stretch) if test.mode == "shear" else "",
                     "engineering_stress_kPa": test.stress / KPA,
                     "fitted_kPa": fit.stress(test.mode, test.stretch) / KPA,
                     "residual_kPa": fit.residual(test) / KPA,
@@ -90,6 +95,7 @@ def fit_record(
                 "sha256": test.sha256,
                 "mode": test.mode,
                 "measured": f"{test.measure} stress",
+                "branch": test.branch,
                 "points": len(test.stretch),
                 "stretch": [float(np.min(test.stretch)), float(np.max(test.stretch))],
             }

@@ -7,13 +7,16 @@ moved there in one step.
 import errno
 import fcntl
 import json
+import logging
 import os
+import socket
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from calfsocket.io.errors import WriteError
+from calfsocket.io.errors import InputError, WriteError
 
 _KINDS = {
     "a surface mesh": ("stl", "ply", "obj", "3mf", "off", "wrl", "vtp"),
@@ -29,6 +32,11 @@ _KINDS = {
 
 _UNFINISHED = ".unfinished-"
 """Start of the name of a file that is being written."""
+
+_OCCUPIED = ".running"
+"""Says which process solves into a folder, and is locked by it."""
+
+log = logging.getLogger(__name__)
 
 
 def kind_of(path: Path) -> str:
@@ -98,6 +106,45 @@ def locked(folder: Path) -> Iterator[None]:
     with (folder / ".lock").open("a") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
+
+
+@contextmanager
+def occupied(folder: Path) -> Iterator[None]:
+    """Keep a folder for this process until the body ends; others are refused meanwhile.
+
+    The kernel releases the lock when the process ends, however it ends: none is left behind. On NFS
+    the lock counts on all hosts. A file system without locks gets a warning instead.
+
+    Raises
+    ------
+    InputError
+        If another process occupies the folder: which one, on which host, since when.
+    OSError
+        If the folder cannot be written to.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    # Not the lock of `locked`, which ranks of this very run hold for moments. The file stays, too.
+    with (folder / _OCCUPIED).open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            raise InputError(
+                f"{folder}: {file.read() or 'another process'} is solving into this folder; wait "
+                "for its end, or name another folder"
+            ) from None
+        except OSError as error:
+            log.warning(
+                "%s: cannot be locked (%s): start no other run into it", folder, error.strerror
+            )
+        file.truncate(0)
+        since = time.strftime("%Y-%m-%d %H:%M:%S")
+        file.write(f"process {os.getpid()} on {socket.gethostname()} (since {since})")
+        file.flush()
+        try:
+            yield
+        finally:
+            file.truncate(0)
 
 
 def write_json(path: Path, content: object) -> None:

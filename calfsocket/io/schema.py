@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
+from calfsocket.io import units
 from calfsocket.io.errors import InputError
 
 #: Largest file that is read, bytes. The largest of the package's own has 30 kB.
@@ -20,10 +21,24 @@ MAX_BYTES = 10_000_000
 MAX_TOML_BYTES = 50_000
 
 
+def misspelt(key: str, allowed: Collection[str]) -> str | None:
+    """Return the name that a key most likely means, if it is really near to one.
+
+    "fricton" is near to "friction", "fad" to "fat", and "angle" to "angle_deg"; "loads" means
+    something else than "laws".
+    """
+    whole = [name for name in allowed if name.startswith(f"{key}_")]
+    if len(whole) == 1:  # without its unit, say
+        return whole[0]
+    # One letter of three is a third of a name; two of five are a slip no more.
+    alike = 0.75 if len(key) > 4 else 0.6
+    return next(iter(difflib.get_close_matches(key, allowed, n=1, cutoff=alike)), None)
+
+
 def nearest(key: str, allowed: Collection[str]) -> str:
     """Return "did you mean ...?" when a name is likely misspelt, else the names allowed."""
-    close = difflib.get_close_matches(key, allowed, n=1)
-    return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(sorted(allowed))}"
+    near = misspelt(key, allowed)
+    return f"did you mean '{near}'?" if near else f"allowed: {', '.join(sorted(allowed))}"
 
 
 class Strict(BaseModel):
@@ -178,6 +193,14 @@ _PLAIN = {
 }
 """Words for what pydantic says to programmers, by its name of the error."""
 
+_LIMITS = {
+    "greater_than": "gt",
+    "greater_than_equal": "ge",
+    "less_than": "lt",
+    "less_than_equal": "le",
+}
+"""Where pydantic keeps the limit, by its name of the error."""
+
 
 def _message(error: dict[str, Any]) -> str:
     """Return what a value is and must be; pydantic has only the latter."""
@@ -195,6 +218,9 @@ def _message(error: dict[str, Any]) -> str:
             return f"{key} is missing; add it"
         return f"{key} is '{context['tag']}'; it must be one of {context['expected_tags']}"
     text = _PLAIN.get(error["type"], text)
+    if limit := _LIMITS.get(error["type"]):  # in the unit of what was written
+        words, _, _ = text.rpartition(" ")
+        text = f"{words} {units.like(error['input'], error['ctx'][limit])}"
     said = text.replace("Input should be", "it must be").replace("Input should", "it must")
     return f"is {_shortened(error['input'])}; {said[0].lower()}{said[1:]}"
 

@@ -1,6 +1,6 @@
 """CSV tables that several cases share, each case with rows of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,13 +41,32 @@ def merge_csv(
     with locked(path.parent):
         merged = new
         if path.exists():
-            old = _read_table(path, key)
-            others = [case not in cases for case in old[key].itertuples(index=False, name=None)]
-            merged = pd.concat([new, old[others]], ignore_index=True).fillna("")
+            others = _of_others(_read_table(path, key), key, cases)
+            merged = pd.concat([new, others], ignore_index=True).fillna("")
         names = [tuple(case) for case in merged[key].itertuples(index=False, name=None)]
         places = sorted(range(len(names)), key=lambda i: (rank.get(names[i], len(rank)), names[i]))
         with replacing(path) as temporary:
             merged.iloc[places].to_csv(temporary, index=False)
+
+
+def remove_rows(path: Path, key: Sequence[str], cases: Collection[tuple[str, ...]]) -> None:
+    """Remove the rows of cases from a CSV that several cases share, if there is one."""
+    path, key = Path(path), list(key)
+    with locked(path.parent):
+        if not path.exists():
+            return
+        old = _read_table(path, key)
+        others = _of_others(old, key, cases)
+        if len(others) < len(old):
+            with replacing(path) as temporary:
+                others.to_csv(temporary, index=False)
+
+
+def _of_others(
+    table: pd.DataFrame, key: list[str], cases: Collection[tuple[str, ...]]
+) -> pd.DataFrame:
+    names = table[key].itertuples(index=False, name=None)
+    return table[[case not in cases for case in names]]
 
 
 def _read_table(path: Path, key: Sequence[str]) -> pd.DataFrame:

@@ -2,6 +2,7 @@
 
 Decimal arithmetic, so that a number keeps its digits on the way to a file and back. Only units that
 a laboratory uses are allowed: pint would take mPa, a slip of the shift key, for a billionth of MPa.
+Powers may be written as in print, N/mm² or MPa⁻¹, or without a mark, N/mm2 or MPa-1.
 """
 
 import re
@@ -13,10 +14,20 @@ import pint
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
 
+_POWERS = (("²", "2"), ("⁻¹", "-1"), ("**", ""), ("^", ""))
+"""Marks of powers, and what is left of them when spellings are compared."""
+
 
 @cache
 def _registry() -> pint.UnitRegistry:
     return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def _plain(unit: str) -> str:
+    """Return a unit without marks of powers; "/kPa", behind a number, is 1/kPa."""
+    for mark, left in _POWERS:
+        unit = unit.replace(mark, left)
+    return f"1{unit}" if unit.startswith("/") else unit
 
 
 @dataclass(frozen=True)
@@ -28,9 +39,17 @@ class Dimension:
 
     def factor(self, unit: str) -> Decimal:
         """Return how many internal units a unit is; a ValueError names those that are allowed."""
-        if unit not in self.allowed:
+        known = self._allowed(unit)
+        if known is None:
             raise ValueError(f"unit {unit!r} is unknown; use {', '.join(self.allowed)}")
-        return _registry().Quantity(Decimal(1), unit).to(self.internal).magnitude
+        return _registry().Quantity(Decimal(1), known).to(self.internal).magnitude
+
+    def has(self, unit: str) -> bool:
+        """Whether a unit may be written."""
+        return self._allowed(unit) is not None
+
+    def _allowed(self, unit: str) -> str | None:
+        return next((each for each in self.allowed if _plain(each) == _plain(unit)), None)
 
     def parse(self, text: object) -> float:
         """Value of a text such as ``"12 kPa"`` in the internal unit; else a ValueError."""
@@ -57,8 +76,30 @@ class Dimension:
         return f"{digits} {unit}"
 
 
-STRESS = Dimension("MPa", ("Pa", "kPa", "MPa", "GPa", "N/mm^2", "N/cm^2", "N/m^2", "mmHg"))
-COMPLIANCE = Dimension("1/MPa", ("1/Pa", "1/kPa", "1/MPa"))
+STRESS = Dimension(
+    "MPa",
+    ("Pa", "kPa", "MPa", "GPa", "N/mm^2", "N/cm^2", "N/m^2", "psi", "ksi", "mmHg"),
+)
+COMPLIANCE = Dimension(
+    "1/MPa",
+    tuple(f"1/{unit}" for unit in ("Pa", "kPa", "MPa", "psi", "ksi"))
+    + tuple(f"{unit}^-1" for unit in ("Pa", "kPa", "MPa", "psi", "ksi"))
+    + ("mm^2/N",),
+)
 LENGTH = Dimension("mm", ("mm", "cm", "m", "um", "inch"))
 ANGLE = Dimension("deg", ("deg", "rad"))
 SHARE = Dimension("dimensionless", ("%",))
+DIMENSIONS = (STRESS, COMPLIANCE, LENGTH, ANGLE, SHARE)
+
+
+def like(text: object, value: float) -> str:
+    """Write a value of the internal unit in the unit of a text, if it has one.
+
+    >>> like("120 %", 1.0), like("2 kPa", 0.5), like(2, 0.5)
+    ('100 %', '500 kPa', '0.5')
+    """
+    found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
+    for dimension in DIMENSIONS:
+        if found and dimension.has(found[2] or ""):
+            return dimension.text(value, found[2])
+    return f"{value:g}"

@@ -8,9 +8,10 @@
     [provenance]
     source = "Table 1 of the paper"
 
-Laws and their keys: ``ogden`` (mu, alpha, d1 or nu, form), ``yeoh`` (c10, c20, c30), ``hencky``
-(e, nu) and ``neo-hookean`` (mu, d1 or nu), which is Ogden's with alpha = 2. Their meaning and
-ranges are those of the classes `Ogden`, `Yeoh` and `Hencky`. The provenance is for people: any keys
+Laws and their keys are those of the classes `Ogden`, `Yeoh` and `Hencky`, and of the notations that
+become one of these: ``mooney-rivlin``, ``neo-hookean`` and ``linear-elastic``
+(`materials.notations`). Files that are written have the law as it is used, and below it, in a table
+``given``, as it was written where that was in another way. The provenance is for people: any keys
 with texts and numbers.
 """
 
@@ -57,7 +58,6 @@ def law_in(path: Path, content: Mapping[str, Any]) -> Law:
     table = {key: value for key, value in content.items() if key != "provenance"}
     if "law" not in table:
         raise InputError(f"{path}: law is missing; add one of {', '.join(IN_FILES)}")
-    # A neo-Hookean one has become Ogden's.
     return cast(Law, checked(path, table, RootModel[AnyLaw]).root)
 
 
@@ -73,10 +73,16 @@ def write_material(path: Path, law: Law, provenance: Provenance) -> None:
     provenance
         Where they come from, e.g. program, data, its hash; calfsocket's version is added.
     """
-    lines = [f"{key} = {_toml(value)}" for key, value in law.texts().items()]
-    lines += ["", "[provenance]"]
-    origin = {"calfsocket": calfsocket.__version__, **provenance}
-    lines += [f"{_key(key)} = {_toml(value)}" for key, value in origin.items()]
+    law_keys = law.texts()
+    tables = {
+        "given": law_keys.pop("given", None),
+        "provenance": {"calfsocket": calfsocket.__version__, **provenance},
+    }
+    lines = [f"{key} = {_toml(value)}" for key, value in law_keys.items()]
+    for name, table in tables.items():
+        if table:
+            lines += ["", f"[{name}]"]
+            lines += [f"{_key(key)} = {_toml(value)}" for key, value in table.items()]
     with replacing(Path(path)) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

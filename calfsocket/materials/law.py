@@ -6,15 +6,17 @@ deviatoric ones are lb_k = J^(-1/3) l_k. Energies are isochoric: the pressure p 
 the bulk modulus K, p = K (J - 1), belong to the weak form (`forms.mixed`).
 """
 
+import json
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.fields import FieldInfo
+from pydantic.json_schema import SkipJsonSchema
 from ufl.core.expr import Expr
 
 from calfsocket.forms.kinematics import Jet
@@ -29,10 +31,19 @@ PositiveStress = Annotated[Stress, Field(gt=0)]
 Compliance = Annotated[float, Written(COMPLIANCE, "1.67e-6 1/Pa")]
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 
-_STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
+STEP = 1e-200  # of derivatives by a complex step: nothing is subtracted, no digit lost
 
 
-def _in_files(schema: dict[str, Any], law: type) -> None:
+def as_written(given: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return parameters as files can hold them; a ValueError names what they cannot, a date say."""
+    try:
+        plain = json.loads(json.dumps(given, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"it must have texts, numbers and lists of them ({error})") from None
+    return None if plain is None else dict(plain)
+
+
+def in_files(schema: dict[str, Any], law: type) -> None:
     """Describe a law in files to editors: in one line, and with its tag, which Python may omit."""
     schema["description"] = (law.__doc__ or "").partition("\n")[0]
     schema["required"] = ["law", *schema.get("required", [])]
@@ -50,6 +61,9 @@ class Law(Strict):
     ----------
     law : str
         Name of the law, which files have as its tag; a subclass gives it a default.
+    given : mapping, optional
+        The law as it was written, where that was in other parameters (`materials.notations`),
+        numbers in MPa and 1/MPa; for people: laws are equal, and have the same hash, without it.
 
     Examples
     --------
@@ -78,9 +92,23 @@ class Law(Strict):
     array([ 0.027, -0.009, -0.018])
     """
 
-    model_config = ConfigDict(json_schema_extra=_in_files)
+    model_config = ConfigDict(json_schema_extra=in_files)
 
     law: str
+    given: SkipJsonSchema[Annotated[dict[str, Any] | None, AfterValidator(as_written)]] = Field(
+        default=None, repr=False
+    )
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other is of the same class and has the same parameters."""
+        return type(self) is type(other) and self._parameters() == other._parameters()  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        """Return the hash of the class and the parameters."""
+        return hash((type(self), self._parameters()))
+
+    def _parameters(self) -> tuple[Any, ...]:
+        return tuple(value for name, value in self if name != "given")
 
     @property
     def name(self) -> str:
@@ -143,8 +171,8 @@ class Law(Strict):
         tau = np.empty(stretches.shape)
         for k in range(3):
             moved = stretches.astype(complex)
-            moved[k] *= 1 + 1j * _STEP
-            tau[k] = np.imag(self.energy(moved)) / _STEP
+            moved[k] *= 1 + 1j * STEP
+            tau[k] = np.imag(self.energy(moved)) / STEP
         return tau
 
     def cauchy(self, F: Array, p: float) -> Array:
@@ -171,14 +199,23 @@ class Law(Strict):
         return {
             name: _unit(field)
             for name, field in cls.model_fields.items()
-            if not field.exclude and _holds(float, field.annotation)
+            if name != "given" and not field.exclude and _holds(float, field.annotation)
         }
 
     def texts(self) -> dict[str, Any]:
         """Parameters as files have them, stresses in kPa where the law is soft; lossless."""
         soft = self.initial_shear_modulus < 1
         units = {STRESS.internal: "kPa"} if soft else {}
-        return self.model_dump(mode="json", context={"units": units})
+        return self.model_dump(mode="json", context={"units": units}, exclude_none=True)
+
+
+def readable(stress: float) -> str:
+    """Write a stress, MPa, in MPa or kPa, to four digits.
+
+    >>> readable(-0.001), readable(2.0)
+    ('-1 kPa', '2 MPa')
+    """
+    return f"{1e3 * stress:.4g} kPa" if 0 < abs(stress) < 1 else f"{stress:.4g} MPa"
 
 
 def deviatoric(stretches: Array) -> Array:

@@ -5,12 +5,15 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from math import inf
 from typing import Literal, get_args
+from warnings import warn
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import nearest
 from calfsocket.materials import tissues
 from calfsocket.materials.laws import Law, Ogden, OgdenForm, Yeoh
 from calfsocket.materials.tissues import FasciaC10
+from calfsocket.materials.warnings import MaterialWarning, refusal
+from calfsocket.materials.warnings import warnings as law_warnings
 from calfsocket.meshes.limb import Limb
 
 BaseSet = Literal["separate", "combined"]
@@ -39,8 +42,13 @@ class MaterialSet:
     Raises
     ------
     InputError
-        When a tissue's law is missing, there is no such tissue, or every soft tissue is
-        incompressible.
+        When a tissue's law is missing, there is no such tissue, every soft tissue is
+        incompressible, or a law loses stability at small strain.
+
+    Warns
+    -----
+    MaterialWarning
+        Where a law loses stability, or may not be the one that is meant; the same are `warnings`.
 
     Examples
     --------
@@ -74,6 +82,17 @@ class MaterialSet:
                 "every soft tissue is incompressible, but the socket reduces the limb's area; "
                 "give at least one tissue nu < 0.5 or d1 > 0"
             )
+        for name, law in {**self.laws, **self.regions}.items():
+            if text := refusal(law):
+                raise InputError(f"material set {self.name}: {name}: {text}")
+        for name, text in self.warnings:
+            warn(f"material set {self.name}: {name}: {text}", MaterialWarning, stacklevel=3)
+
+    @property
+    def warnings(self) -> tuple[tuple[str, str], ...]:
+        """Tissue or region, and what makes one doubt its law (`materials.warnings`)."""
+        laws = {**self.laws, **self.regions}
+        return tuple((name, text) for name, law in laws.items() for text in law_warnings(law))
 
     @classmethod
     def paper(

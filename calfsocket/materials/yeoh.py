@@ -43,6 +43,15 @@ class Yeoh(Law):
 
     energy_form = staticmethod(yeoh.energy)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _incompressible(cls, data: Any) -> Any:
+        if isinstance(data, dict) and (bulk := data.keys() & {"d1", "k", "kappa", "nu"}):
+            raise ValueError(
+                f"Yeoh's law is taken as incompressible; remove {', '.join(sorted(bulk))}"
+            )
+        return data
+
     @model_validator(mode="after")
     def _stiff(self) -> "Yeoh":
         softens = self.c20 < 0 and self.c20**2 >= 3 * self.c10 * self.c30

@@ -78,6 +78,8 @@ class CondensedTangent:
         K_ii^-1 K_io.
     ksp : PETSc.KSP
         Solver of the condensed matrix.
+    unknowns : (k,) int
+        The owned unknowns outside, in the order of the matrix's rows.
     """
 
     def __init__(
@@ -122,6 +124,7 @@ class CondensedTangent:
         self._number_outside()
         self._lay_out()
         self._assembled = False
+        self._singular = False
         self._b, self._x = self.matrix.createVecs()
 
     # -- numbering and pattern ------------------------------------------------------------------
@@ -134,11 +137,11 @@ class CondensedTangent:
         is_outside[dofs[:, _DISPLACEMENTS]] = True
         is_outside[constrained] = False
         is_outside[dofs[keeps_constant, _PRESSURE][:, 0]] = True
-        self._dofs = np.flatnonzero(is_outside[: index_map.size_local])
-        first = self._comm.exscan(len(self._dofs)) or 0
+        self.unknowns = np.flatnonzero(is_outside[: index_map.size_local])
+        first = self._comm.exscan(len(self.unknowns)) or 0
         numbers = la.vector(index_map, dtype=np.int64)
         numbers.array[:] = -1
-        numbers.array[self._dofs] = first + np.arange(len(self._dofs))
+        numbers.array[self.unknowns] = first + np.arange(len(self.unknowns))
         numbers.scatter_forward()
         owner = np.full(len(constrained), self._comm.rank)
         owner[index_map.size_local :] = index_map.owners
@@ -152,7 +155,7 @@ class CondensedTangent:
         elsewhere = (ghosts >= 0) & (owners != self._comm.rank)
         ghosts, once = np.unique(ghosts[elsewhere], return_index=True)
         self.outside = IndexMap(
-            self._comm, len(self._dofs), ghosts, owners[elsewhere][once].astype(np.int32)
+            self._comm, len(self.unknowns), ghosts, owners[elsewhere][once].astype(np.int32)
         )
         self._vector = la.vector(self.outside)
         n_cells = len(self._inside)
@@ -298,11 +301,11 @@ class CondensedTangent:
 
             y_o = S x_o + K_oi z,      y_i = K_ii z.
         """
-        n_owned = len(self._dofs)
+        n_owned = len(self.unknowns)
         v, values = x.array_r, self._vector.array
-        self._b.array[:] = v[self._dofs]
+        self._b.array[:] = v[self.unknowns]
         self.matrix.mult(self._b, self._x)
-        values[:n_owned] = v[self._dofs]
+        values[:n_owned] = v[self.unknowns]
         self._vector.scatter_forward()
         there = self._numbers >= 0
         z = v[self._inside]
@@ -323,7 +326,7 @@ class CondensedTangent:
             self._add_contact_inside(1.0, z[self._skin_cells], values)
         self._vector.scatter_reverse(la.InsertMode.add)
         x.copy(y)  # for the constrained unknowns
-        y.array[self._dofs] = values[:n_owned]
+        y.array[self.unknowns] = values[:n_owned]
         inside[there[:, -1], 4] = values[self._numbers[there[:, -1], -1]]
         inside[:, 4] -= inside[:, 2] + inside[:, 3]
         y.array[self._inside] = inside
@@ -343,12 +346,21 @@ class CondensedTangent:
         self.ksp.setOperators(self.matrix)
         with defaults():  # MUMPS asks for its options when it first sees the matrix
             self.ksp.setUp()
+        self._singular = self.ksp.getPC().getFailedReason() != PETSc.PC.FailedReason.NOERROR
+        if self._singular:
+            self.ksp.reset()  # PETSc would solve with these factors after the next set-up
 
     def apply(self, _pc: PETSc.PC, residual: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """Solve with the factorised tangent; constrained unknowns are those of the residual."""
+        """Solve with the factorised tangent; constrained unknowns are those of the residual.
+
+        Where it is singular the solution is not finite, with which Newton's method ends.
+        """
+        if self._singular:
+            solution.set(np.nan)
+            return
         r, values = residual.array_r, self._vector.array
         values[:] = 0.0
-        values[: len(self._dofs)] = r[self._dofs]
+        values[: len(self.unknowns)] = r[self.unknowns]
         self._library.call(
             "forward",
             len(self._inside),
@@ -363,13 +375,13 @@ class CondensedTangent:
         if self._columns_of_prescribed is not None:
             self._columns_of_prescribed.add_outside(-1.0, r, self._numbers, values)
         self._vector.scatter_reverse(la.InsertMode.add)
-        self._b.array[:] = values[: len(self._dofs)]
+        self._b.array[:] = values[: len(self.unknowns)]
         self.ksp.solve(self._b, self._x)
-        values[: len(self._dofs)] = self._x.array_r
+        values[: len(self.unknowns)] = self._x.array_r
         self._vector.scatter_forward()
         residual.copy(solution)
         x = solution.array
-        x[self._dofs] = values[: len(self._dofs)]
+        x[self.unknowns] = values[: len(self.unknowns)]
         self._library.call(
             "backward",
             len(self._inside),
@@ -407,7 +419,7 @@ class _PrescribedColumns:
         n_cells = V.mesh.topology.index_map(2).size_local
         dofs = V.dofmap.list[:n_cells, _DISPLACEMENTS]
         self.cells = np.flatnonzero(constrained[dofs].any(axis=1))
-        self._dofs, self._constrained = dofs[self.cells], constrained
+        self.unknowns, self._constrained = dofs[self.cells], constrained
         self._vector = la.vector(V.dofmap.index_map)
         self._positions = np.full((n_cells, OUTSIDE, OUTSIDE), -1, dtype=np.int32)
         shape = (len(self.cells), OUTSIDE, OUTSIDE)
@@ -430,7 +442,7 @@ class _PrescribedColumns:
         values = self._vector.array
         values[: len(v)] = v
         self._vector.scatter_forward()
-        return np.where(self._constrained[self._dofs], values[self._dofs], 0.0)
+        return np.where(self._constrained[self.unknowns], values[self.unknowns], 0.0)
 
     def add_outside(
         self, factor: float, v: FloatArray, numbers: IntArray, values: FloatArray

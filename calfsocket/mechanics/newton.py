@@ -82,6 +82,8 @@ class Newton:
         As given.
     x : PETSc.Vec
         Unknowns: where a solve starts, and its last iterate.
+    tangent : PETSc.Mat
+        The tangent, at the iterate where it was last computed.
     observers : list of callable
         Called at each iteration of every Newton's method of this process, with itself, PETSc's
         SNES, the iteration and the residual norm (N/mm).
@@ -100,7 +102,7 @@ class Newton:
         self._history: list[float] = []
         self.x = problem.create_vector()
         self._f = self.x.duplicate()
-        self._A = problem.create_matrix()
+        self.tangent = problem.create_matrix()
         self._searching = self._create_snes()
         self._first = self._searching
         if full_steps_first and not PETSc.Options(OPTIONS_PREFIX).hasName("snes_linesearch_type"):
@@ -111,16 +113,16 @@ class Newton:
         snes = PETSc.SNES().create(self.x.getComm())
         snes.setOptionsPrefix(OPTIONS_PREFIX)
         snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
-        snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self._A)
+        snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self.tangent)
         snes.setMonitor(self._record)
         with defaults(**changed):
             snes.setFromOptions()
-        if self._A.getType() == PETSc.Mat.Type.PYTHON:
+        if self.tangent.getType() == PETSc.Mat.Type.PYTHON:
             # A tangent that knows how to solve; PETSc's options are for its own solver then.
             ksp = snes.getKSP()
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-            ksp.getPC().setPythonContext(self._A.getPythonContext())
+            ksp.getPC().setPythonContext(self.tangent.getPythonContext())
         return snes
 
     def solve(self) -> NewtonResult:
@@ -147,9 +149,9 @@ class Newton:
 
     def factorise(self) -> None:
         """Factorise the tangent at the present `x`, for `correction` (collective)."""
-        self.problem.tangent(self.x, self._A)
+        self.problem.tangent(self.x, self.tangent)
         ksp = self._searching.getKSP()
-        ksp.setOperators(self._A)
+        ksp.setOperators(self.tangent)
         ksp.setUp()
 
     def correction(self, residual: PETSc.Vec) -> PETSc.Vec:
@@ -172,7 +174,16 @@ class Newton:
         constraint, by Sylvester's law from MUMPS's LDL^T factorisation, minus one for each pressure
         unknown, which a saddle point owns anyway. Zero means a stable equilibrium.
         """
-        matrix, expected = self.problem.stability(self.x, self._A)
+        negative, factor = self.stability()
+        factor.destroy()
+        return negative
+
+    def stability(self) -> tuple[int, PETSc.PC]:
+        """Return the `negative_modes`, and the factorised matrix they are counted of (collective).
+
+        Its rows are those of the tangent's `CondensedTangent.unknowns`.
+        """
+        matrix, expected = self.problem.stability(self.x, self.tangent)
         symmetric = matrix.copy()
         symmetric.axpy(1.0, matrix.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
         symmetric.scale(0.5)
@@ -187,10 +198,7 @@ class Newton:
         factor.setMumpsIcntl(13, 1)  # no ScaLAPACK on the root: it would hide negative pivots
         factor.setMumpsIcntl(14, int(DEFAULT_OPTIONS["mat_mumps_icntl_14"]))
         pc.setUp()
-        negative = factor.getInertia()[0]
-        pc.destroy()
-        symmetric.destroy()
-        return int(negative) - expected
+        return int(factor.getInertia()[0]) - expected, pc
 
     def _record(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
         self._history.append(float(norm))

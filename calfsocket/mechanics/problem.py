@@ -1,6 +1,7 @@
 """Bodies in equilibrium: mesh, laws, constraints, loads and contact, as residual and tangent."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
 from calfsocket.mechanics.foundation import Foundation, FoundationTerm
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
 from calfsocket.meshes.distributed import SectionMesh
+from calfsocket.meshes.quality import determinant
 
 FloatArray = NDArray[np.float64]
 Load = Callable[[Any], ufl.Form]
@@ -33,6 +35,18 @@ LARGEST_BULK_RATIO = 1e3
 """Ratio K/mu up to which a cell's constant pressure is eliminated from the linear system.
 
 It is exact at any ratio; the condensed matrix then has stiffnesses of this ratio side by side."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """A region, and the middle of a cell in it, mm in the undeformed section."""
+
+    region: str
+    x_mm: float
+    y_mm: float
+
+    def __str__(self) -> str:
+        return f"{self.region} at ({self.x_mm:.1f}, {self.y_mm:.1f}) mm"
 
 
 class Problem:
@@ -279,14 +293,18 @@ class Problem:
         force, pressing = self.contact.force(state)
         return float(np.linalg.norm(force + self.reaction(boundary)[0])), pressing
 
+    def deformation_gradients(self) -> FloatArray:
+        """In-plane F at the quadrature points of the owned cells, (m, q, 2, 2) (collective)."""
+        points = quadrature()[0]
+        F = fem.Expression(deformation_gradient(ufl.split(self.w)[0]), points, self.comm)
+        cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
+        return F.eval(self.section.mesh, cells).reshape(len(cells), len(points), 2, 2)
+
     def smallest_volume_ratio(self) -> tuple[float, str]:
         """Smallest J = det F of all quadrature points and the region it is in (collective)."""
-        F = deformation_gradient(ufl.split(self.w)[0])
-        J = fem.Expression(ufl.det(F), quadrature()[0], self.comm)
-        cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        return self._smallest_by_region(
-            J.eval(self.section.mesh, cells).min(axis=1, initial=np.inf)
-        )
+        J = determinant(self.deformation_gradients())
+        value, site = self.smallest(J.min(axis=1, initial=np.inf))
+        return value, site.region
 
     def least_balanced_region(self, x: PETSc.Vec) -> str:
         """Region with the largest residual, or one that is not finite, at `x` (collective)."""
@@ -298,16 +316,20 @@ class Problem:
         residual.x.scatter_forward()
         cells = self.section.mesh.topology.index_map(2).size_local
         in_cell = residual.x.array[self.V.dofmap.list[:cells]].max(axis=1, initial=0.0)
-        return self._smallest_by_region(-in_cell)[1]
+        return self.smallest(-in_cell)[1].region
 
-    def _smallest_by_region(self, cell_values: FloatArray) -> tuple[float, str]:
-        """Smallest of a value per owned cell, and the region that it is in (collective)."""
-        mine = (np.inf, 0)
+    def smallest(self, cell_values: FloatArray) -> tuple[float, "Site"]:
+        """Smallest of a value per owned cell, and where it is (collective)."""
+        mine = (np.inf, 0, 0.0, 0.0)
         if len(cell_values):
             cell = int(np.argmin(cell_values))
-            mine = (float(cell_values[cell]), int(self.section.cell_regions()[cell]))
-        value, region = min(self.comm.allgather(mine))
-        return value, {tag: name for name, tag in self.section.regions.items()}[region]
+            geometry = self.section.mesh.geometry
+            x, y, _ = geometry.x[geometry.dofmap[cell, :3]].mean(axis=0)
+            region = int(self.section.cell_regions()[cell])
+            mine = (float(cell_values[cell]), region, float(x), float(y))
+        value, tag, x, y = min(self.comm.allgather(mine))
+        names = {number: name for name, number in self.section.regions.items()}
+        return value, Site(names[tag], x, y)
 
     # -- assembly -------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from calfsocket.io.errors import ConvergenceError
 from calfsocket.io.schema import Strict
+from calfsocket.mechanics.diagnosis import explain, last_iterate, observe
 from calfsocket.mechanics.newton import Newton, NewtonResult
 from calfsocket.mechanics.problem import Problem
 
@@ -217,17 +218,17 @@ class LoadStepper:
                         Milestone(load, load_before, step, converged, before, arc, steps)
                     )
                 continue
-            if not math.isfinite(x.norm()):
-                converged.copy(x)
-            region = problem.least_balanced_region(x)
+            smaller = self._cut_back(target - load)
+            iterate = last_iterate(self.newton, problem, converged) if smaller is None else None
             converged.copy(x)
             problem.set_unknowns(x)
             advance(load, load)
-            smaller = self._cut_back(target - load)
-            if smaller is None:
+            if iterate is not None:
                 if load > 0 or start is not None:
                     problem.revert()  # to the history with which this state was found
-                raise ConvergenceError(_failure(load, target, result, region))
+                equilibrium = observe(self.newton, problem)
+                raise ConvergenceError(explain(equilibrium, load, target, result, iterate))
+            assert smaller is not None
             step = smaller
 
     # -- step sizes -----------------------------------------------------------------------------
@@ -282,11 +283,3 @@ class LoadStepper:
     def _monitor(self, iteration: int, residual: float) -> None:
         if self._on_iteration is not None:
             self._on_iteration(self._target, iteration, residual)
-
-
-def _failure(load: float, target: float, result: NewtonResult, region: str) -> str:
-    return (
-        f"no equilibrium between load {load:.4f} and {target:.4f}: {result.reason} with residual "
-        f"{result.residual:.2g} N/mm, most of it in {region}; try another mesh size, a socket "
-        "that presses less there, or -calfsocket_snes_linesearch_type l2"
-    )

@@ -26,16 +26,8 @@ from calfsocket.calibration.record import (
     read_curves,
 )
 from calfsocket.io.errors import InputError
-from calfsocket.report.chapters import Drawn
-from calfsocket.report.table import TOGETHER, Table, number
-
-NUMBER, NAME = "3", "figure3_calibration"
-TITLE = "Calibration of the combined material"
-CAPTION = (
-    "A flat plate presses a piece of tissue. Force over displacement of the Separate set, of one "
-    "law for muscle and fascia fitted to it, of the paper's Combined law, and of muscle's law in "
-    "the place of fascia's. The paper gives neither dimensions nor stroke of its model."
-)
+from calfsocket.report.table import Table
+from calfsocket.report.words import TOGETHER, number
 
 
 class NoCalibration(InputError):
@@ -49,8 +41,8 @@ class Calibration:
     record: CalibrationRecord
     force: dict[str, FloatArray]
     """Curve -> forces over displacement, N per metre of limb."""
-    figure: Drawn
-    """Figure 3."""
+    figure: tuple[Path, Path]
+    """Figure 3, as PNG and as PDF."""
 
     @property
     def fit(self) -> FittedLaw:
@@ -88,7 +80,7 @@ def read_calibration(study: Path) -> Calibration:
         raise InputError(f"{png}: cannot be read ({error}); calibrate again") from None
     if not pdf.is_file():
         raise InputError(f"{pdf}: is missing; calibrate again")
-    return Calibration(record, force, Drawn(NAME, TITLE, CAPTION, NUMBER, png, pdf))
+    return Calibration(record, force, (png, pdf))
 
 
 def table(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> Table:
@@ -126,16 +118,7 @@ def table(calibration: Calibration, laws: dict[str, dict[str, Any]]) -> Table:
         }
     )
     shown.index = pd.Index([LABELS[name] for name in data.curve])
-    return Table(
-        FOLDER,
-        "Laws of muscle and fascia in the calibration",
-        f"Indentation of the {inputs.specimen}, mesh “{inputs.size}”. Off Separate: root mean "
-        "square over the curve, % of Separate's largest force. ±: one standard deviation, from "
-        "the misfit of two models and not from noise.",
-        data,
-        shown,
-        tuple(_notes(calibration, laws)),
-    )
+    return Table(FOLDER, data, shown, tuple(_notes(calibration, laws)))
 
 
 def _with_deviation(values: pd.Series, deviations: pd.Series) -> list[str]:

@@ -7,8 +7,10 @@ import pandas as pd
 from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.scoreboard import FAILS, HOLDS, UNCHECKED, counts, scoreboard
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import TIMES, Table
+from calfsocket.report.table import Table
 from calfsocket.report.variants import BASE, variants
+from calfsocket.report.words import TIMES
+from calfsocket.study.study import variants as paper_variants
 
 MARKS = {HOLDS: "\N{CHECK MARK}", FAILS: TIMES, UNCHECKED: "?"}
 
@@ -30,28 +32,17 @@ def tables(findings: Findings) -> list[Table]:
     return [_counts(boards), _claims(claims(boards))] if boards else []
 
 
+def are_the_papers(findings: Findings) -> bool:
+    """Whether a study has just the variants of what the paper leaves open."""
+    return {*variants(findings.study)} == {BASE, *paper_variants()}
+
+
 def _counts(boards: Mapping[str, pd.DataFrame]) -> Table:
     data = pd.DataFrame([{"variant": name, **counts(board)} for name, board in boards.items()])
-    return Table(
-        "verdicts_by_variant",
-        "Claims on results under each choice",
-        "One choice is changed at a time, so that a difference from the base has one cause; all "
-        "combinations would be 16 studies and show little more. The one combination is that where "
-        "both choices act on peaks.",
-        data,
-        data.set_index("variant").map(str),
-    )
+    return Table("verdicts_by_variant", data, data.set_index("variant").map(str))
 
 
 def _claims(data: pd.DataFrame) -> Table:
     verdicts = [*data.columns.drop(["id", "kind", "judges", "claim", "same"])]
     shown = data[~data.same].set_index("id")[["claim", *verdicts]]
-    return Table(
-        "claims_by_variant",
-        "Claims whose verdict depends on a choice",
-        f"{MARKS[HOLDS]} holds, {MARKS[FAILS]} does not hold, {MARKS[UNCHECKED]} cannot be "
-        f"checked. The other {int(data.same.sum())} of {len(data)} claims have the same verdict "
-        "under every choice; the CSV file has them all.",
-        data,
-        shown.replace(dict.fromkeys(verdicts, MARKS)),
-    )
+    return Table("claims_by_variant", data, shown.replace(dict.fromkeys(verdicts, MARKS)))

@@ -5,13 +5,17 @@ maxima are fragile: peaks of both directions are often nearly equal, and where f
 incompressible both principal strains have the same magnitude.
 """
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
 from calfsocket.paper import published
 from calfsocket.report.findings import Findings
-from calfsocket.report.inputs import Laws
 from calfsocket.simulation.results import KEY
+
+Laws = dict[str, dict[str, dict[str, Any]]]
+"""Material set -> tissue -> kind of law and parameters, MPa."""
 
 _KEYS = {"mu1": "mu", "alpha1": "alpha"}  # others are the symbol in small letters
 
@@ -33,18 +37,25 @@ def compare(rows: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
 
 
 def materials(laws: Laws) -> pd.DataFrame:
-    """Table 1: parameters of the laws."""
+    """Table 1: parameters of the laws of the material sets that a study has."""
     rows = published.table(1).rename(columns={"printed": "paper"})
-    ours = [parameter(laws, row.material, row.symbol, row.unit) for row in rows.itertuples()]
+    rows = rows[[_law(laws, name) is not None for name in rows.material]]
+    known = {name: _law(laws, name) or {} for name in rows.material}
+    ours = [_parameter(known[row.material], row.symbol, row.unit) for row in rows.itertuples()]
     return compare(rows.assign(ours=ours), ["material", "law", "symbol", "unit"])
 
 
-def parameter(laws: Laws, material: str, symbol: str, unit: str) -> float:
-    """Return a law's parameter in the unit of Table 1; NaN where the law has none of it."""
+def _law(laws: Laws, material: str) -> dict[str, Any] | None:
+    """Return the law of a material of Table 1; None where no set of the study has it."""
     if material == "muscle and fascia, combined":
-        law = laws["combined"]["muscle"]
-    else:
-        law = laws["separate"][material]
+        return laws.get("combined", {}).get("muscle")
+    if material in ("muscle", "fascia"):
+        return laws.get("separate", {}).get(material)
+    return next(iter(laws.values()))[material]
+
+
+def _parameter(law: dict[str, Any], symbol: str, unit: str) -> float:
+    """Return a law's parameter in the unit of Table 1; NaN where the law has none of it."""
     value = law.get(_KEYS.get(symbol, symbol.lower()), np.nan)
     first = value[0] if isinstance(value, list | tuple) else value
     return first * _PER_MPA[unit]

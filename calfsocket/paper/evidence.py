@@ -36,6 +36,13 @@ class NotChecked(Exception):
     """A claim cannot be checked; the text says what is missing."""
 
 
+class _OfSets(dict[str, Any]):
+    """Something of each material set; a claim on a set that a study lacks cannot be checked."""
+
+    def __missing__(self, name: str) -> Any:
+        raise NotChecked(f"needs the {material_set(name)} set, which is not in this study")
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence(Findings):
     """Findings of the paper's cases alone, and what is computed for more than one claim."""
@@ -45,10 +52,13 @@ class Evidence(Findings):
         """Settings of the study, by their last name."""
         return inputs.settings(self.results)
 
-    @property
-    def laws(self) -> inputs.Laws:
-        """Material set -> tissue -> law and parameters (MPa)."""
-        return inputs.laws(self.results)
+    @cached_property
+    def parameters(self) -> comparison.Laws:
+        """Material set -> tissue -> kind of law and parameters, MPa."""
+        return _OfSets(
+            (name, {tissue: law.model_dump(mode="json") for tissue, law in laws.items()})
+            for name, laws in inputs.laws(self.results).items()
+        )
 
     @property
     def run(self) -> StudyRecord:
@@ -74,8 +84,9 @@ class Evidence(Findings):
 
     @cached_property
     def area_lost(self) -> dict[str, float]:
-        """Share of the limb's area that each socket takes."""
-        return {name: 1 - face.area / self.skin.area for name, face in self.inner_faces.items()}
+        """By how much each socket encloses less area than the limb, %."""
+        area = self.skin.area
+        return {name: 100 * (1 - face.area / area) for name, face in self.inner_faces.items()}
 
     @cached_property
     def maxima(self) -> pd.DataFrame:

@@ -1,6 +1,6 @@
 """Figures 5, 6 and 8: what merging fascia and muscle changes, beside the paper's numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator, NullLocator
 
 from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
-from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure, socket_title
+from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
-from calfsocket.report import chapters, names
+from calfsocket.report import names
 
 # After Okabe and Ito: distinct to colour-blind eyes, and in print by their lightness.
 SOCKET_COLOURS = {"TC": "#e69f00", "TSB": "#56b4e9", "HS": "#1b4f72"}
@@ -34,57 +34,22 @@ LIMITED_PCT = 250.0
 PAPER: dict[str, Any] = {"linestyle": "", "marker": "D", "markeredgewidth": 0.6}
 PAPER |= {"markerfacecolor": "white", "markeredgecolor": "black"}
 
-EQUATION_3 = (
-    "(Combined \N{MINUS SIGN} Separate) / |Separate| of signed values, equation (3) of the paper"
-)
 AT_SITES = ("max_separate", "max_combined")
-SITES = (
-    "Sites of maxima: S where Separate has it, C where Combined "
-    "has it; both sets are compared there."
-)
 
 
-def figures(evidence: Evidence) -> dict[str, chapters.Figure]:
-    """Return the figures by number, not yet drawn; none where no socket has both sets."""
+def figures(evidence: Evidence) -> dict[str, Callable[[], Figure]]:
+    """Return the figures by name, not yet drawn; none where no socket has both sets."""
     table = evidence.compared_changes
     if table.empty:
         return {}
-    made = (
-        chapters.Figure(
-            "changes_of_maxima",
-            "Relative change of the maxima",
-            f"{EQUATION_3}; each set's own maximum, wherever it lies. A positive change of a "
-            "negative value is a smaller magnitude: the next figure shows magnitudes.",
-            # as the paper's figure 5
-            lambda: _maxima(table, ("ours", "paper"), "relative change, eq. (3), %"),
-            "5",
-        ),
-        chapters.Figure(
-            "changes_of_magnitude",
-            "Change of the maxima's magnitude",
-            "(|Combined| \N{MINUS SIGN} |Separate|) / |Separate|, not equation (3): above 0 the "
-            "Combined set has the larger stress or strain, whatever its sign. The paper's numbers "
-            "follow from its Tables 2 and 4.",
-            lambda: _maxima(table, ("ours_magnitude", "paper_magnitude"), "change of magnitude, %"),
-            "5b",
-        ),
-        chapters.Figure(
-            "stress_at_sites",
-            "Relative change of stresses at the sites of maxima",
-            f"{EQUATION_3}. {SITES} Upper row: full range, logarithmic beyond 100 %. "
-            "Changes of thousands of percent have a reference near 0.",
-            lambda: at_sites(table, STRESSES),
-            "6",
-        ),
-        chapters.Figure(
-            "strain_at_sites",
-            "Relative change of strains at the sites of maxima",
-            f"{EQUATION_3}. {SITES} Upper row: full range, logarithmic beyond 100 %.",
-            lambda: at_sites(table, STRAINS),
-            "8",
-        ),
-    )
-    return {figure.number: figure for figure in made}
+    ours, magnitudes = ("ours", "paper"), ("ours_magnitude", "paper_magnitude")
+    return {
+        # as the paper's figure 5
+        "changes_of_maxima": lambda: _maxima(table, ours, "relative change, eq. (3), %"),
+        "changes_of_magnitude": lambda: _maxima(table, magnitudes, "change of magnitude, %"),
+        "stress_at_sites": lambda: at_sites(table, STRESSES),
+        "strain_at_sites": lambda: at_sites(table, STRAINS),
+    }
 
 
 def _maxima(table: pd.DataFrame, columns: tuple[str, str], label: str) -> Figure:
@@ -192,7 +157,5 @@ def _bars(
 
 
 def _key(sockets: Sequence[str]) -> list[Artist]:
-    bars: list[Artist] = [
-        Patch(color=SOCKET_COLOURS[socket], label=socket_title(socket)) for socket in sockets
-    ]
+    bars: list[Artist] = [Patch(color=SOCKET_COLOURS[socket], label=socket) for socket in sockets]
     return [*bars, Line2D([], [], **PAPER, markersize=3.2, label="the paper's number")]

@@ -1,140 +1,129 @@
 """What the paper adds to the report of a study that holds its cases."""
 
 import logging
+from typing import Any, get_args
 
 import pandas as pd
 
 from calfsocket.io.errors import InputError
+from calfsocket.materials.laws import OgdenForm
+from calfsocket.materials.material_set import BASE_SETS, MaterialSet
+from calfsocket.materials.tissues import FASCIA_C10
+from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.socket import reference_sockets
 from calfsocket.paper import calibration, choices, scoreboard
 from calfsocket.paper.calibration import NoCalibration
 from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.figures import figures
 from calfsocket.paper.published import PARTS, pressure
-from calfsocket.paper.tables import tables
-from calfsocket.report.answer import MERGING, TRUST
-from calfsocket.report.chapters import Chapter, Content, Guest, Line, Note
+from calfsocket.paper.tables import FLIP, tables
+from calfsocket.report import method
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import change, listed, number
-from calfsocket.report.templates import render
+from calfsocket.report.write import Guest
+from calfsocket.simulation.results import Key, Results
 
 log = logging.getLogger(__name__)
 
+PACKAGE = "calfsocket.paper.templates"
 NUMBERS = {
     "regions": "1",
     "overlays": "2",
+    "calibration": "3",
     "effective_stress": "4",
+    "changes_of_maxima": "5",
+    "changes_of_magnitude": "5b",
+    "stress_at_sites": "6",
     "shear_strain": "7",
+    "strain_at_sites": "8",
     "contact_pressure": "9",
 }
-CAPTIONS = {
-    "effective_stress": "The scale is that of the paper's figure 4.",
-    "shear_strain": "The limits are those of the paper's figure 7.",
-}
+"""Of the paper's figures; 5b is ours."""
+
+CHOICES = {"fascia_c10": "fascia's C10", "ogden_form": "Ogden form"}
+"""Settings that the paper leaves open, and their words."""
+
 MARKS = {scoreboard.HOLDS: "✓", scoreboard.FAILS: "✗", scoreboard.UNCHECKED: "?"}
 
 
-def guest(findings: Findings) -> Guest | None:
-    """Return what the paper adds; None where a study holds none of its cases.
+def papers_cases(results: Results) -> list[Key]:
+    """Return the cases of the paper's limb, sockets and material sets, by its names.
 
-    Single results that were saved without a study do not say what they were made of, so that they
-    are none of them.
+    The choices that the paper leaves open are free. Single results that were saved without a study
+    do not say what they were made of, so that they are none of the paper's.
     """
-    keys = [key for key in findings.results if key in CASES]
-    if not keys or findings.study.run is None:
+    run = results.run
+    if run is None or _shape(run.limb) != _shape(Limb.reference()):
+        return []
+    reference = reference_sockets()
+    own = [
+        MaterialSet.paper(name, c10, form).tissue_laws()
+        for name in BASE_SETS
+        for c10 in FASCIA_C10
+        for form in get_args(OgdenForm)
+    ]
+    return [
+        (socket, name)
+        for socket, name in results
+        if (socket, name) in CASES
+        and run.sockets.get(socket) == reference[socket]
+        and run.laws.get(name) in own
+    ]
+
+
+def _shape(limb: Limb) -> tuple[Any, ...]:
+    """Return what a limb is, without what its file says beside."""
+    regions = [(region.name, region.tissue, region.loops) for region in limb.regions]
+    curves = {name: limb.curves[name] for *_, loops in regions for name in loops}
+    return limb.axes, limb.layers, limb.fixed_boundary, regions, curves
+
+
+def guest(findings: Findings) -> Guest | None:
+    """Return what the paper adds; None where a study holds none of its cases."""
+    keys = papers_cases(findings.results)
+    if not keys:
         return None
     evidence = Evidence(findings.results.only(keys), findings.thresholds)
     board = scoreboard.scoreboard(evidence)
-    drawn, warnings = _calibration(evidence)
-    known: dict[str, Content] = {**tables(evidence), **figures(evidence)}
-
-    def content(*names: str) -> tuple[Content, ...]:
-        return tuple(known[name] for name in names if name in known)
-
-    chapters = (
-        Chapter(
-            "model",
-            intro="In the Separate set every tissue has its own law; in the Combined set muscle "
-            "and fascia share one.",
-            content=(*content("table1"), *drawn),
-        ),
-        Chapter("stress", content=content("table2")),
-        Chapter("strain", content=content("table4")),
-        Chapter(
-            "merging",
-            "What merging fascia and muscle changes",
-            "The Combined set against the Separate set, at each set's own maximum and at each "
-            "other's sites.",
-            content("5", "5b", "6", "table3", "8", "table5"),
-            after="strain",
-        ),
-        Chapter("contact", content=content("pressure")),
-        Chapter("agreement-with-paper", "Agreement with the paper", content=content("agreement")),
-        Chapter(
-            "choices",
-            "What the paper leaves open",
-            "None of these choices is made because it looks like the paper.",
-            tuple(choices.tables(findings)),
-        ),
-        Chapter("scoreboard", "Scoreboard", content=(_scoreboard(board),)),
-    )
-    return Guest(
-        title="What a prosthetic socket does inside a calf",
-        chapters=chapters,
-        lines=tuple(_lines(evidence, board)),
-        warnings=tuple(warnings),
-        note="The limb is a generic section, built from anatomical relations, and the sockets were "
-        "shaped by hand: the order of the sockets is partly built in.",
-        numbers=NUMBERS,
-        captions=CAPTIONS,
-        tables=(scoreboard.table(board),),
-        replaces=("laws", "maxima") if len(keys) == len(findings.results) else (),
-    )
-
-
-def _calibration(evidence: Evidence) -> tuple[list[Content], list[str]]:
-    """Return figure 3 and its table, or why they are missing; and a warning where it matters."""
+    shown = {table.name: table for table in choices.tables(findings)}
+    shown |= {**tables(evidence), "scoreboard": scoreboard.table(board)}
+    drawn: dict[str, Any] = figures(evidence)
+    counted = scoreboard.counts(board)
+    printed = pressure().set_index(["quantity", "socket"]).printed["contact_pressure_max"]
+    of_paper = choices.are_the_papers(findings)
+    values = {
+        "settings": method.in_words(findings, {**method.FIRST, **CHOICES}),
+        "whole": len(keys) == len(findings.results),
+        "flip": FLIP,
+        "papers_variants": of_paper,
+        "rises": printed[evidence.changes.socket.unique()],
+        "counted": counted,
+        "tally": scoreboard.tally(counted),
+        "parts": scoreboard.parts(board),
+        "ratio": evidence.maxima.ratio.dropna(),
+        "board": board,
+        "board_by_part": _by_part(board),
+        "marks": MARKS,
+        "choices_title": "What the paper leaves open" if of_paper else "What the variants change",
+        "missing": "",
+        "calibrated": None,
+    }
+    warnings: tuple[str, ...] = ()
     try:
         found = evidence.calibration
     except NoCalibration as error:
-        return [Note(f"Figure 3 {error}.")], []
+        values["missing"] = f"Figure 3 {error}."
     except InputError as error:
         log.warning("the calibration is left out: %s", error)
-        missing = f"The calibration, figure 3, is left out: {error}."
-        return [Note(missing)], [missing]
-    return [found.figure, calibration.table(found, evidence.laws["separate"])], []
+        values["missing"] = f"The calibration, figure 3, is left out: {error}."
+        warnings = (values["missing"],)
+    else:
+        values["calibrated"] = found.record.inputs
+        drawn["calibration"] = found.figure
+        shown["calibration"] = calibration.table(found, evidence.parameters.get("separate", {}))
+    return Guest(PACKAGE, "paper.html", shown, drawn, NUMBERS, warnings, values)
 
 
-def _scoreboard(board: pd.DataFrame) -> Content:
-    parts = [PARTS.get(section[0], section) for section in board.section]
-    return render(
-        "scoreboard.html",
-        "calfsocket.paper.templates",
-        results=scoreboard.counts(board),
-        apart=scoreboard.parts(board)[1:],
-        marks=MARKS,
-        parts=[
-            (name, group.to_dict("records"))
-            for name, group in board.groupby(pd.Series(parts, index=board.index), sort=False)
-        ],
-    )
-
-
-def _lines(evidence: Evidence, board: pd.DataFrame) -> list[Line]:
-    """Return what the paper says of the same, and how far results agree with it."""
-    lines = []
-    printed = pressure().set_index(["quantity", "socket"]).printed["contact_pressure_max"]
-    if len(evidence.changes):
-        rises = [change(printed[socket]) for socket in evidence.changes.socket.unique()]
-        lines.append(Line(MERGING, f"The paper, the largest: by {listed(rises)} %."))
-    counted = scoreboard.counts(board)
-    text = f"Of the paper's {sum(counted.values())} claims on results {scoreboard.tally(counted)}"
-    apart = len(board) - sum(counted.values())
-    text += f"; {apart} more, on inputs and on its own numbers, are counted apart."
-    ratio = evidence.maxima.ratio
-    if ratio.notna().any():
-        low, middle, high = (number(ratio.quantile(share)) for share in (0.25, 0.5, 0.75))
-        text += (
-            f" Stresses and strains are {middle} times the paper's in the median, "
-            f"half of them {low} to {high} times."
-        )
-    return [*lines, Line(TRUST, text)]
+def _by_part(board: pd.DataFrame) -> list[tuple[str, list[dict[str, Any]]]]:
+    """Return the claims of each part of the paper."""
+    parts = pd.Series([PARTS.get(name[0], name) for name in board.section], index=board.index)
+    return [(name, rows.to_dict("records")) for name, rows in board.groupby(parts, sort=False)]

@@ -7,14 +7,17 @@ from those that compare the paper with itself: these hold by construction.
 
 import inspect
 from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
 
 import pandas as pd
 
 from calfsocket.paper import published
 from calfsocket.paper.claims import found, given
-from calfsocket.paper.claims.rules import INPUT, PAPER, RESULT, Fact, holds, in_words
+from calfsocket.paper.claims.rules import INPUT, PAPER, RESULT, fact, holds, in_words
 from calfsocket.paper.evidence import Evidence, NotChecked
-from calfsocket.report.table import Table, listed
+from calfsocket.report.table import Table
+from calfsocket.report.words import listed
 
 HOLDS, FAILS, UNCHECKED = "holds", "does not hold", "cannot be checked"
 VERDICTS = (HOLDS, FAILS, UNCHECKED)
@@ -28,12 +31,13 @@ KINDS = {
 }
 """What a claim may judge, in words."""
 
-FACTS: dict[str, Callable[[Evidence, str], Fact]] = {
+FACTS: dict[str, Callable[..., Any]] = {
     name: function
     for module in (given, found)
     for name, function in inspect.getmembers(module, inspect.isfunction)
     if function.__module__ == module.__name__ and not name.startswith("_")
 }
+"""What the expressions of facts are made of."""
 
 
 def scoreboard(evidence: Evidence) -> pd.DataFrame:
@@ -57,14 +61,16 @@ def scoreboard(evidence: Evidence) -> pd.DataFrame:
 def check(identifier: str, evidence: Evidence) -> dict[str, str]:
     """Return verdict, ours, paper and why of a claim."""
     about = published.checks().loc[identifier]
+    known: dict[str, Any] = {"e": evidence}
+    known |= {name: partial(function, evidence) for name, function in FACTS.items()}
     try:
-        fact = FACTS[about.fact](evidence, about.of)
+        known |= fact(about.fact, known)
     except NotChecked as reason:
         return {"verdict": UNCHECKED, "ours": "", "paper": "", "why": str(reason)}
-    found = {"ours": in_words(about.ours, fact), "paper": about.paper}
-    if holds(about.rule, fact["value"], about.expected):
+    found = {"ours": in_words(about.ours, known), "paper": about.paper}
+    if holds(about.rule, known["value"], about.expected):
         return {"verdict": HOLDS, **found, "why": ""}
-    why = in_words(about.why, fact) or "ours differs from the paper's"
+    why = in_words(about.why, known) or "ours differs from the paper's"
     return {"verdict": FAILS, **found, "why": why}
 
 
@@ -90,12 +96,4 @@ def table(board: pd.DataFrame) -> Table:
     contradicted = board.paper_tables.str.startswith("NO")
     paper = board.paper.where(~contradicted, board.paper + " (its own tables disagree)")
     shown = board.assign(paper=paper).set_index("id")
-    return Table(
-        "scoreboard",
-        "Scoreboard",
-        f"Of the paper's {len(board)} claims there are {listed(parts(board))}. Computed from this "
-        "study's inputs and results; what counts as agreement is the same for all claims of a "
-        "kind.",
-        board,
-        shown[["claim", "judges", "verdict", "ours", "paper", "why"]],
-    )
+    return Table("scoreboard", board, shown[["claim", "judges", "verdict", "ours", "paper", "why"]])

@@ -1,7 +1,7 @@
 """A picture of one case.
 
-The deformed section with the effective (Mises) stress of the soft tissues on the paper's scale,
-and around it the contact pressure on the skin.
+The deformed section with the effective (Mises) stress of the soft tissues, and around it the
+contact pressure on the skin, on the same scales in all pictures.
 """
 
 from pathlib import Path
@@ -12,10 +12,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from scipy.spatial import cKDTree
 
 from calfsocket.io.files import replacing
+from calfsocket.meshes.frame import Frame
 from calfsocket.plotting import pressure_band
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
@@ -25,10 +25,10 @@ from calfsocket.postprocess.quantities import Quantities
 
 PICTURE_FILE = "picture.png"
 
-STRESS_LIMIT_KPA = 10.0  # as the paper's figure 4
+STRESS_LIMIT_KPA = 10.0  # as PRESSURE_MM_PER_KPA
 PRESSURE_MM_PER_KPA = 0.4  # the same in every picture, so that pictures can be compared
 PRESSURE_STEP_KPA = 20.0
-HALF_FRAME_MM = 92.0  # grows where the pressure needs it
+FRAME = 1.55  # size over the limb's, so that one limb's pictures match; grows for the pressure
 PIXELS = 2100
 LONGEST_TITLE = 60  # letters; longer ones are written smaller
 
@@ -45,7 +45,7 @@ def place_band(fields: SectionFields, contact: ContactLine) -> PressureBand:
     return PressureBand(skin + foot_mm * normal, normal, contact.pressure_kPa, PRESSURE_MM_PER_KPA)
 
 
-def _draw_legend(figure: Figure, stress: ScalarMappable) -> None:
+def _draw_legend(figure: Figure, stress: ScalarMappable, fields: SectionFields) -> None:
     bar = figure.add_axes((0.06, 0.045, 0.40, 0.015))
     figure.colorbar(
         stress,
@@ -59,8 +59,7 @@ def _draw_legend(figure: Figure, stress: ScalarMappable) -> None:
     handles = [
         pressure_band.key("contact pressure on the skin"),
         Line2D([], [], **pressure_band.LEVEL_LINE, label=f"lines every {PRESSURE_STEP_KPA:g} kPa"),
-        Patch(color=drawing.BONE, label="bone"),
-        Patch(color=drawing.SOCKET, label="socket"),
+        *drawing.key(fields, bone=drawing.BONE, socket=drawing.SOCKET),
     ]
     figure.legend(
         handles=handles,
@@ -72,13 +71,18 @@ def _draw_legend(figure: Figure, stress: ScalarMappable) -> None:
     )
 
 
-def draw(quantities: Quantities, contact: ContactLine, title: str) -> Figure:
-    """Draw a case: its deformed section, and the contact pressure around it."""
-    band = place_band(quantities.fields, contact)
+def draw(quantities: Quantities, contact: ContactLine, title: str, directions: Frame) -> Figure:
+    """Draw a case: its deformed section, and the contact pressure around it.
+
+    `directions` are written at the sides.
+    """
+    fields = quantities.fields
+    band = place_band(fields, contact)
     skin = contact.points
     x, y = 0.5 * (skin.min(axis=0) + skin.max(axis=0))
     reach = np.abs(band.at(band.pressure_kPa) - (x, y)).max() + 10
-    half = max(HALF_FRAME_MM, reach)
+    limb_mm = np.ptp(fields.points[fields.cells[fields.cells_of("skin")]], axis=(0, 1)).max()
+    half = max(0.5 * FRAME * limb_mm, reach)
     window = (x - half, x + half, y - half, y + half)
 
     figure = Figure(figsize=(7.0, 8.0), dpi=PIXELS / 7.0)
@@ -87,7 +91,7 @@ def draw(quantities: Quantities, contact: ContactLine, title: str) -> Figure:
     stress = ScalarMappable(Normalize(0, STRESS_LIMIT_KPA), shades)
     drawing.draw_field(
         axes,
-        quantities.fields,
+        fields,
         quantities.nodal["effective_stress"],
         window,
         PIXELS,
@@ -100,10 +104,10 @@ def draw(quantities: Quantities, contact: ContactLine, title: str) -> Figure:
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)
     levels = [PRESSURE_STEP_KPA * k for k in range(1, int(highest / PRESSURE_STEP_KPA) + 1)]
     band.draw(axes, levels, fontsize=7)
-    drawing.mark_directions(axes, window, fontsize=9)
+    drawing.mark_directions(axes, window, directions, fontsize=9)
     drawing.scale_bar(axes, window, fontsize=8)
     drawing.frame(axes, window)
-    _draw_legend(figure, stress)
+    _draw_legend(figure, stress, fields)
     fontsize = 13 * min(1.0, LONGEST_TITLE / len(title))
     figure.text(0.5, 0.965, title, ha="center", fontsize=fontsize, parse_math=False)
     return figure
@@ -119,5 +123,4 @@ def save(figure: Figure, folder: Path) -> Path:
 
 def case_title(socket: str, material_set: str) -> str:
     """Return the title of a case's picture."""
-    name = drawing.SOCKET_NAMES.get(socket)
-    return f"{socket} socket{f' ({name})' if name else ''}, {material_set} set"
+    return f"{socket} socket, {material_set} set"

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 import pyvista
 from matplotlib.axes import Axes
-from matplotlib.patches import PathPatch
+from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from calfsocket.meshes.frame import Frame
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
-
-SOCKET_NAMES = {"TC": "total contact", "TSB": "total surface bearing", "HS": "hydrostatic"}
 
 # Distinct by hue, and by lightness for colour-blind eyes.
 TISSUE_COLOURS = {
@@ -65,7 +64,7 @@ def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
 
 
 def limb_boundary(fields: SectionFields, points: NDArray[np.float64]) -> Path:
-    """Return the outline of the limb, with its marrow cavity as a hole where it has one."""
+    """Return the outline of the limb, with a hole where it is fixed."""
     return boundary(fields.cells[fields.cells_of(*SUMMARY_TISSUES, "bone")], points)
 
 
@@ -83,6 +82,15 @@ def draw_tissue(
     cells = fields.cells_of(tissue)
     if len(cells):
         draw_path(axes, boundary(fields.cells[cells], points), **{"linewidth": 0, **style})
+
+
+def key(fields: SectionFields, **colours: str) -> list[Patch]:
+    """Return the handles of a legend for those of some tissues that the section has."""
+    return [
+        Patch(color=colour, label=tissue)
+        for tissue, colour in colours.items()
+        if len(fields.cells_of(tissue))
+    ]
 
 
 def draw_outlines(
@@ -156,16 +164,19 @@ def frame(axes: Axes, window: Window) -> None:
     axes.axis("off")
 
 
-def mark_directions(axes: Axes, window: Window, fontsize: float, margin: float = 3.0) -> None:
-    """Write anterior, posterior, medial and lateral at the window's sides (a right leg)."""
+def mark_directions(
+    axes: Axes, window: Window, limb: Frame, fontsize: float, margin: float = 3.0
+) -> None:
+    """Write what lies to the window's four sides, such as anterior."""
     left, right, bottom, top = window
     x, y = (left + right) / 2, (bottom + top) / 2
-    for text, place, ha, va, rotation in (
-        ("anterior", (x, top - margin), "center", "top", 0),
-        ("posterior", (x, bottom + margin), "center", "bottom", 0),
-        ("medial", (left + margin, y), "left", "center", 90),
-        ("lateral", (right - margin, y), "right", "center", 270),
-    ):
+    places = (
+        ((right - margin, y), "right", "center", 270),
+        ((x, top - margin), "center", "top", 0),
+        ((left + margin, y), "left", "center", 90),
+        ((x, bottom + margin), "center", "bottom", 0),
+    )
+    for text, (place, ha, va, rotation) in zip(limb.words, places, strict=True):
         axes.text(*place, text, ha=ha, va=va, rotation=rotation, fontsize=fontsize, color=QUIET)
 
 

@@ -1,6 +1,7 @@
 """The look of the figures: width, type, colours, legends; panels side by side; files."""
 
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
@@ -12,8 +13,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calfsocket.io.files import replacing
+from calfsocket.meshes.frame import Frame
 from calfsocket.plotting import section as drawing
-from calfsocket.plotting.section import SOCKET_NAMES
 
 WIDTH_MM = 180.0  # a page of A4 or letter without its margins
 PNG_DPI = 300
@@ -38,6 +39,7 @@ TYPE = {
 # Of panels, mm.
 TOP_MM, LINE_MM = 6.0, 3.4  # room for a title, and for each further line of it
 MOST_ABREAST, MOST_SHOWN = 4, 12  # panels in a row, and in a figure
+LETTER_MM = 1.7  # width of a letter of a title, on average
 LARGEST_PANEL_MM = 90.0
 
 
@@ -51,11 +53,11 @@ def new_figure(height: float) -> Figure:
     return Figure(figsize=(WIDTH_MM / INCH_MM, height / INCH_MM))
 
 
-def socket_title(socket: str) -> str:
-    """Return a socket's name, with its kind or, on lines below, with what is changed in it."""
-    if socket in SOCKET_NAMES:
-        return f"{socket}, {SOCKET_NAMES[socket]}"
-    return socket.replace("@", "\n").replace(",", "\n")
+def heading(title: str, width: float) -> str:
+    """Return the title of a panel: on lines that fit in mm, and a new one for each change."""
+    parts = title.replace("@", ",@").split(",") if "@" in title else [title]
+    lines = (textwrap.wrap(part.strip(" @"), int(width / LETTER_MM)) for part in parts)
+    return "\n".join(line for wrapped in lines for line in wrapped)
 
 
 def height_mm(figure: Figure) -> float:
@@ -69,17 +71,18 @@ def add_axes(figure: Figure, left: float, bottom: float, width: float, height: f
     return figure.add_axes((left / WIDTH_MM, bottom / total, width / WIDTH_MM, height / total))
 
 
-def compass(figure: Figure) -> None:
-    """Draw the directions of all sections (a right leg) at the figure's lower right, once."""
+def compass(figure: Figure, limb: Frame) -> None:
+    """Draw the directions of all sections at the figure's lower right, once."""
     width, height = 26.0, 15.0
     axes = add_axes(figure, WIDTH_MM - width - 1, 1.0, width, height)
     drawing.frame(axes, (-width / 2, width / 2, -height / 2, height / 2))
-    for text, x, y, ha, va in (
-        ("anterior", 0, 1, "center", "bottom"),
-        ("posterior", 0, -1, "center", "top"),
-        ("medial", -1, 0, "right", "center"),
-        ("lateral", 1, 0, "left", "center"),
-    ):
+    places = (
+        (1, 0, "left", "center"),
+        (0, 1, "center", "bottom"),
+        (-1, 0, "right", "center"),
+        (0, -1, "center", "top"),
+    )
+    for text, (x, y, ha, va) in zip(limb.words, places, strict=True):
         axes.plot([0, 3.6 * x], [0, 3.6 * y], color=drawing.QUIET, linewidth=0.7)
         axes.text(4.2 * x, 4.2 * y, text, ha=ha, va=va, fontsize=6.5, color=drawing.QUIET)
 
@@ -118,31 +121,33 @@ def abreast(sockets: Sequence[str]) -> list[Sequence[str]]:
 
 
 def panels(
-    sockets: Sequence[str],
+    titles: Mapping[str, str],
     rows: Sequence[str],
     window: drawing.Window,
     draw: Callable[[Axes, str, int], None],
+    limb: Frame,
     key: float,
     below: float = 0.0,
 ) -> Figure:
-    """Draw sections to one scale, a column a socket, with labels of the rows.
+    """Draw sections to one scale, a column a socket, with titles of sockets and labels of rows.
 
-    `draw` draws on a panel's axes for a socket and the number of a row. `key` and `below` are room
-    for a key at the figure's foot and below each row, mm of paper.
+    `limb` has the directions. `draw` draws on a panel's axes for a socket and the number of a row.
+    `key` and `below` are room for a key at the figure's foot and below each row, mm of paper.
     """
+    sockets = list(titles)
     blocks = abreast(sockets)
     left = 5.0 if any(rows) else 0.0
     width = min((WIDTH_MM - left) / max(map(len, blocks)), LARGEST_PANEL_MM)
+    heads = {socket: heading(title, width) for socket, title in titles.items()}
     height = width * (window[3] - window[2]) / (window[1] - window[0])
-    heads = [
-        TOP_MM + LINE_MM * max(socket_title(socket).count("\n") for socket in block)
-        for block in blocks
+    rooms = [
+        TOP_MM + LINE_MM * max(heads[socket].count("\n") for socket in block) for block in blocks
     ]
-    total = sum(heads) + len(blocks) * len(rows) * (height + below) + key
+    total = sum(rooms) + len(blocks) * len(rows) * (height + below) + key
     figure = new_figure(total)
     bottom = total
-    for block, head in zip(blocks, heads, strict=True):
-        bottom -= head
+    for block, room in zip(blocks, rooms, strict=True):
+        bottom -= room
         for i, row in enumerate(rows):
             bottom -= height
             for j, socket in enumerate(block):
@@ -150,7 +155,7 @@ def panels(
                 drawing.frame(axes, window)
                 draw(axes, socket, i)
                 if i == 0:
-                    axes.set_title(socket_title(socket), pad=3)
+                    axes.set_title(heads[socket], pad=3)
                 if i == len(rows) - 1 and j == 0 and block is blocks[-1]:
                     drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
             if row:
@@ -164,7 +169,7 @@ def panels(
             0.99, 0.998, f"the first {MOST_SHOWN} of {len(sockets)} sockets; each case has its own "
             "picture.png", ha="right", va="top", fontsize=6,
         )  # fmt: skip
-    compass(figure)
+    compass(figure, limb)
     return figure
 
 

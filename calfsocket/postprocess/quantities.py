@@ -307,6 +307,9 @@ def contact_quantities(fields: SectionFields, contact: ContactLine) -> dict[str,
     contact_pressure_max: largest 3 mm running mean along the skin, which drops single spikes.
     contact_pressure_mean: mean over the part of the skin in contact, by reference length.
     contact_share: that part's share of the outline, %.
+
+    A socket that touches in pieces shorter than the window may have a mean above the maximum: the
+    window then averages over skin without contact, and the mean does not.
     """
     smooth = contact.running_mean_kPa
     peak = first_largest(smooth)

@@ -11,14 +11,18 @@ from calfsocket.postprocess.quantities import UNITS, Quantities
 
 FIELDS_FILE = "fields.vtu"
 
+_REGION, _TISSUE = "region ", "tissue "
+"""Start of the names of arrays that stand for the name of a region or tissue."""
 
-def write_fields(folder: Path, quantities: Quantities, socket: str, material_set: str) -> Path:
-    """Write fields.vtu of one case, for ParaView and for `read_fields`.
+
+def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
+    """Write fields.vtu of one case, for ParaView, meshio and `read_fields`.
 
     Nodes are doubled where regions meet, so that stresses may jump there. Point data are for
     looking at (displacement, and the quantities averaged within each tissue); cell data hold what
-    was computed, at the Gauss points; names of regions and tissues are in the field data, indexed
-    by `region_ids` and by tissue.
+    was computed, at the Gauss points. All values are numbers, because few readers know VTK's texts:
+    names are those of arrays in the field data. "region NAME" is a region's number and that of its
+    tissue, "tissue NAME" a tissue's number, and "load" the load of this equilibrium, 0 to 1.
     """
     import pyvista  # takes a second, which only this function needs
 
@@ -45,13 +49,12 @@ def write_fields(folder: Path, quantities: Quantities, socket: str, material_set
     grid.cell_data["gauss_stress_kPa"] = fields.stress.reshape(n_cells, 12)
     grid.cell_data["gauss_deformation_gradient"] = fields.deformation_gradient.reshape(n_cells, 12)
     grid.cell_data["gauss_pressure_kPa"] = fields.pressure
-    ids = sorted(fields.region_names)
-    grid.field_data["region_ids"] = np.array(ids)
-    grid.field_data["region_names"] = [fields.region_names[i] for i in ids]
-    grid.field_data["region_tissues"] = [fields.region_tissues[i] for i in ids]
-    grid.field_data["tissue_names"] = list(TISSUES)
-    grid.field_data["socket"] = [socket]
-    grid.field_data["material_set"] = [material_set]
+    for number, name in sorted(fields.region_names.items()):
+        tissue = TISSUES.index(fields.region_tissues[number])
+        grid.field_data[_REGION + name] = np.array([number, tissue])
+    for number, name in enumerate(TISSUES):
+        grid.field_data[_TISSUE + name] = np.array([number])
+    grid.field_data["load"] = np.array([load])
     path = Path(folder) / FIELDS_FILE
     with replacing(path) as temporary:
         temporary.write_text(_vtu(grid), encoding="ascii")
@@ -81,14 +84,25 @@ def read_fields(folder: Path) -> SectionFields:
     points, displacement = np.zeros((n_nodes, 2)), np.zeros((n_nodes, 2))
     points[node] = grid.points[:, :2]
     displacement[node] = grid.point_data["displacement"][:, :2]
-    ids = [int(i) for i in grid.field_data["region_ids"]]
+    regions = {
+        name.removeprefix(_REGION): values
+        for name, values in grid.field_data.items()
+        if name.startswith(_REGION)
+    }
+    tissue_names = {
+        int(values[0]): name.removeprefix(_TISSUE)
+        for name, values in grid.field_data.items()
+        if name.startswith(_TISSUE)
+    }
     gauss = (grid.n_cells, 3)
     return SectionFields(
         points=points,
         cells=node[grid.cells_dict[pyvista.CellType.QUADRATIC_TRIANGLE]],
         region=np.asarray(grid.cell_data["region"]),
-        region_names=dict(zip(ids, map(str, grid.field_data["region_names"]), strict=True)),
-        region_tissues=dict(zip(ids, map(str, grid.field_data["region_tissues"]), strict=True)),
+        region_names={int(number): name for name, (number, _) in regions.items()},
+        region_tissues={
+            int(number): tissue_names[int(tissue)] for number, tissue in regions.values()
+        },
         displacement=displacement,
         stress=np.reshape(grid.cell_data["gauss_stress_kPa"], (*gauss, 4)),
         deformation_gradient=np.reshape(

@@ -1,191 +1,133 @@
-"""The answer in a few lines, computed from the numbers: what a reader should take home."""
+"""The numbers of the answer: what a reader should take home. Its sentences are in the template."""
 
-from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import names
-from calfsocket.report.chapters import Line
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import change, listed, number
-from calfsocket.simulation.results import Results
+from calfsocket.report.words import number, span
 
-MERGING, TRUST = "Merging fascia and muscle", "How far to trust it"
-"""Topics that guests add to."""
-
-SECTORS = (
-    "lateral", "anterolateral", "anterior", "anteromedial",
-    "medial", "posteromedial", "posterior", "posterolateral",
-)  # fmt: skip
-"""Eighths of the turn about the section's origin, counter-clockwise from +x; a right leg."""
-
-MOST_NAMED = 4
-"""Sockets that one sentence names."""
+MOST_NAMED, MOST_LISTED = 4, 6
+"""Sockets that one sentence names, and cases."""
 
 
-def sector(x_mm: float, y_mm: float) -> str:
-    """Return the side of the limb on which a site lies."""
-    angle = np.degrees(np.arctan2(y_mm, x_mm))
-    return SECTORS[round(angle / 45) % 8]
+@dataclass(frozen=True)
+class Peak:
+    """The largest value of a quantity in a tissue, and where it is."""
+
+    socket: str
+    quantity: str
+    value: float
+    unit: str
+    region: str
+    """Empty where its name says no more than the tissue's."""
+    direction: str
+
+    def __str__(self) -> str:
+        return f"{names.QUANTITIES[self.quantity]} {number(abs(self.value))} {self.unit}"
+
+    @property
+    def where(self) -> str:
+        """Region and side of the limb."""
+        return ", ".join(filter(None, (names.region(self.region), self.direction)))
 
 
-def answer(findings: Findings) -> list[Line]:
-    """Return what the sockets do to the limb, as far as the study's cases show it."""
-    results, changes = findings.results, findings.changes
-    lines = [_contact(results), *(_tissue(results, tissue) for tissue in SUMMARY_TISSUES)]
-    if len(changes):
-        lines += [_merging_and_pressure(changes), _merging_and_tissues(results, changes)]
-    lines += [_damage(findings), _stability(results)]
-    return [line for line in lines if line.text]
-
-
-def joined(lines: Iterable[Line], more: Iterable[Line]) -> list[Line]:
-    """Add lines to those of the same topic, or at the end; keep numbers and units together."""
-    texts: dict[str, str] = {}
-    for line in [*lines, *more]:
-        texts[line.topic] = f"{texts.get(line.topic, '')} {line.text}".strip()
-    return [Line(topic, _tie_units(text)) for topic, text in texts.items()]
-
-
-def _tie_units(text: str) -> str:
-    """Keep numbers and their units on one line."""
-    for unit in ("%", "kPa"):
-        text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
-    return text
-
-
-def _reference(results: Results) -> str:
-    """Return the set that tissues are described with: Separate, where fascia is itself."""
-    return results.material_sets[0]
-
-
-def _contact(results: Results) -> Line:
-    material_set = _reference(results)
-    peaks = results.summary[
-        (results.summary.material_set == material_set)
-        & (results.summary.quantity == "contact_pressure_max")
-    ]
-    means = pd.Series(
-        {
-            socket: results.value(socket, material_set, "skin", "contact_pressure_mean")
-            for socket in peaks.socket
-        }
-    )
-    if len(peaks) <= MOST_NAMED:
-        average = f"{listed(means.map(number))} kPa in {listed(peaks.socket)}"
-        largest = listed(
-            f"{number(row.value)} kPa ({sector(row.x_mm, row.y_mm)})" for row in peaks.itertuples()
-        )
-    else:
-        lowest, highest = (
-            f"{number(means[socket])} kPa in {socket}"
-            for socket in (means.idxmin(), means.idxmax())
-        )
-        average = f"{lowest} to {highest}, of {len(peaks)} sockets"
-        worst = peaks.loc[peaks.value.idxmax()]
-        where = sector(worst.x_mm, worst.y_mm)
-        largest = f"{number(worst.value)} kPa in {worst.socket} ({where})"
-    return Line(
-        "Contact pressure",
-        f"On average {average}; at most {largest} "
-        f"({names.material_set(material_set)} set; the leg bears no weight).",
+def _peak(findings: Findings, row: Any) -> Peak:
+    plain = row.tissue in row.region  # "deep_fascia" adds nothing to "fascia"
+    return Peak(
+        row.socket,
+        row.quantity,
+        row.value,
+        row.unit,
+        "" if plain else row.region,
+        findings.frame.direction(row.x_mm, row.y_mm),
     )
 
 
-def _tissue(results: Results, tissue: str) -> Line:
-    """Return in which socket and where a tissue is loaded most."""
-    summary = results.summary
-    rows = summary[(summary.material_set == _reference(results)) & (summary.tissue == tissue)]
-    most = [
-        found.loc[found.value.abs().idxmax()]
-        for quantity in ("effective_stress", "shear_log_strain")
-        if (found := rows[rows.quantity == quantity]).value.notna().any()
-    ]
-    same = len({row.socket for row in most}) == 1
-    parts = []
-    for row in most:
-        where = [] if same else [row.socket]
-        if tissue not in row.region:  # "deep_fascia" adds nothing to "fascia"
-            where.append(names.region(row.region))
-        where.append(sector(row.x_mm, row.y_mm))
-        value = f"{names.QUANTITIES[row.quantity]} {number(abs(row.value))} {row.unit}"
-        parts.append(f"{value} ({', '.join(where)})")
-    if not parts:
-        return Line("", "")
-    socket = f" in {most[0].socket}" if same else ""
-    return Line(names.TISSUES[tissue].capitalize(), f"Loaded most{socket}: {listed(parts)}.")
+class Answer:
+    """What the sockets do to the limb, as far as a study's cases show it.
 
+    Tissues are described with the first material set: Separate, where fascia is itself.
+    """
 
-def _merging_and_pressure(changes: pd.DataFrame) -> Line:
-    both = changes[changes.site == "max_both"].set_index(["quantity", "socket"])
-    mean = both.relative_change_pct["contact_pressure_mean"]
-    largest = both.relative_change_pct["contact_pressure_max"]
-    return Line(
-        MERGING,
-        f"Changes the mean contact pressure by {listed(map(change, mean))} % "
-        f"and the largest by {listed(map(change, largest))} % in {listed(mean.index)}.",
-    )
+    def __init__(self, findings: Findings) -> None:
+        self.findings, self.results = findings, findings.results
+        self.material_set = self.results.material_sets[0]
+        rows = self.results.summary
+        self._rows = rows[rows.material_set == self.material_set]
 
+    @property
+    def pressure(self) -> pd.DataFrame:
+        """Mean and largest contact pressure of each socket, kPa, and where the largest is."""
+        rows = self._rows[self._rows.quantity == "contact_pressure_max"]
+        mean = self._rows[self._rows.quantity == "contact_pressure_mean"].set_index("socket").value
+        peaks = [_peak(self.findings, row) for row in rows.itertuples()]
+        return pd.DataFrame(
+            {
+                "socket": rows.socket,
+                "average": rows.socket.map(mean),
+                "largest": rows.value,
+                "side": [peak.direction for peak in peaks],
+            }
+        ).reset_index(drop=True)
 
-def _merging_and_tissues(results: Results, changes: pd.DataFrame) -> Line:
-    """Return how the tissues' largest values change, and which tissue has the largest of all."""
-    both = changes[changes.site == "max_both"].set_index(["tissue", "quantity"]).sort_index()
-    parts = []
-    for tissue in ("fascia", "muscle"):
-        stress, strain = (
-            _range(both.magnitude_change_pct[tissue, quantity])
-            for quantity in ("effective_stress", "shear_log_strain")
-        )
-        parts.append(f"{names.TISSUES[tissue]}: stress {stress} %, shear strain {strain} %")
-    moves = []
-    for quantity in ("effective_stress", "shear_log_strain"):
-        before, after = (_most_loaded(results, name, quantity) for name in names.SETS)
-        move = f"stays in {before}" if before == after else f"moves from {before} to {after}"
-        moves.append(f"the largest {names.QUANTITIES[quantity]} {move}")
-    return Line(
-        "Merging and the tissues",
-        f"In magnitude, {'; '.join(parts)}. Of all tissues, {listed(moves)}.",
-    )
+    @property
+    def tissues(self) -> dict[str, list[Peak]]:
+        """Largest effective stress and shear strain of each tissue."""
+        found: dict[str, list[Peak]] = {}
+        for tissue in self.findings.soft_tissues:
+            for quantity in ("effective_stress", "shear_log_strain"):
+                rows = self._rows[
+                    (self._rows.tissue == tissue) & (self._rows.quantity == quantity)
+                ].dropna(subset="value")
+                if rows.value.any():
+                    largest = rows.loc[rows.value.abs().idxmax()]
+                    found.setdefault(tissue, []).append(_peak(self.findings, largest))
+        return found
 
+    # --- the Combined set against the Separate set
 
-def _most_loaded(results: Results, material_set: str, quantity: str) -> str:
-    """Return the tissue with the largest magnitude of a quantity, over all sockets."""
-    summary = results.summary
-    rows = summary[(summary.material_set == material_set) & (summary.quantity == quantity)]
-    return names.TISSUES[rows.tissue[rows.value.abs().idxmax()]]
+    @property
+    def changes(self) -> pd.DataFrame:
+        """Changes of each set's own maximum."""
+        changes = self.findings.changes
+        return changes[changes.site == "max_both"]
 
+    def pressure_changes(self, quantity: str) -> "pd.Series[float]":
+        """Relative changes of a contact pressure by socket, %."""
+        rows = self.changes[self.changes.quantity == quantity]
+        return rows.set_index("socket").relative_change_pct
 
-def _damage(findings: Findings) -> Line:
-    parts = []
-    for threshold in findings.thresholds.all[:2]:
-        tissue, quantity, limit = threshold.tissue, threshold.quantity, threshold.value
-        table = findings.damage
-        rows = table[(table.tissue == tissue) & (table.quantity == quantity)]
-        what = f"{limit:g} % {names.QUANTITIES[quantity]} in {names.TISSUES[tissue]}"
-        beyond = [
-            f"{row.socket} {names.material_set(row.material_set)} ({number(row.level_pct)} %, "
-            f"{number(row.area_share_pct)} % of the tissue)"
-            for row in rows[rows.level_pct > limit].itertuples()
-        ]
-        parts.append(f"{what} is exceeded in {listed(beyond) or 'no run'}")
-    return Line("Damage thresholds", f"{listed(parts, comma=True)}.")
+    def magnitude_changes(self, tissue: str, quantity: str) -> str:
+        """Return the range of changes of a tissue's maxima over sockets, %, in words."""
+        of = (self.changes.tissue == tissue) & (self.changes.quantity == quantity)
+        values = self.changes.magnitude_change_pct[of]
+        return span(values)
 
+    def most_loaded(self, material_set: str, quantity: str) -> str:
+        """Return the tissue with the largest magnitude, over the sockets with both sets."""
+        rows = self.changes[self.changes.quantity == quantity]
+        return names.TISSUES[rows.tissue[rows[material_set].abs().idxmax()]]
 
-def _stability(results: Results) -> Line:
-    modes = {
-        record.name: record.checks.negative_modes
-        for record in results.records.values()
-        if record.checks
-    }
-    unstable = [f"{name} ({n})" for name, n in modes.items() if n]
-    text = "Every result is a stable equilibrium (no negative modes)."
-    if unstable:
-        text = f"Not every result is a stable equilibrium: negative modes in {listed(unstable)}."
-    return Line(TRUST, text)
+    # --- thresholds and stability
 
+    @property
+    def damage(self) -> list[tuple[str, pd.DataFrame]]:
+        """What each threshold limits, in words, and the cases that are beyond it."""
+        table, found = self.findings.damage, []
+        for threshold in self.findings.thresholds.all[:2]:
+            tissue, quantity, limit = threshold.tissue, threshold.quantity, threshold.value
+            rows = table[(table.tissue == tissue) & (table.quantity == quantity)]
+            if len(rows):
+                what = f"{limit:g} % {names.QUANTITIES[quantity]} in {names.TISSUES[tissue]}"
+                found.append((what, rows[rows.level_pct > limit]))
+        return found
 
-def _range(values: pd.Series) -> str:
-    low, high = change(values.min()), change(values.max())
-    return low if low == high else f"{low} to {high}"
+    @property
+    def unstable(self) -> list[str]:
+        """Cases whose equilibrium is not stable, with the number of negative modes."""
+        records = self.findings.study.records.values()
+        modes = {each.name: each.checks.negative_modes for each in records if each.checks}
+        return [f"{name} ({n})" for name, n in modes.items() if n]

@@ -1,4 +1,4 @@
-r"""What merging fascia and muscle changes: relative changes of maxima and at their sites.
+r"""What the Combined set changes: relative changes of maxima and at their sites.
 
 In percent, of signed values with the Separate set as reference,
 
@@ -10,6 +10,7 @@ so that the change of magnitude stands beside it:
 .. math:: 100 \frac{|c| - |s|}{|s|}.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,19 +27,10 @@ from calfsocket.report.names import SETS
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
 
-COLUMNS = (
-    "socket",
-    "tissue",
-    "quantity",
-    "site",
-    "separate",
-    "combined",
-    "relative_change_pct",
-    "magnitude_change_pct",
-    "region",
-    "x_mm",
-    "y_mm",
-)
+COLUMNS = ("socket", "tissue", "quantity", "site", "separate", "combined", "region", "x_mm", "y_mm")
+
+Row = tuple[str, str, float, float, str, float, float]
+"""The columns from the quantity on."""
 
 
 def relative_change(separate: float, combined: float) -> float:
@@ -58,48 +50,39 @@ def complete_sockets(results: Results) -> tuple[str, ...]:
     )
 
 
-def relative_changes(results: Results) -> pd.DataFrame:
-    """Compare the two sets in every socket that has both.
+def relative_changes(results: Results, tissues: Sequence[str] = SUMMARY_TISSUES) -> pd.DataFrame:
+    """Compare the two sets in every socket that has both, in some tissues.
 
     Returns
     -------
     DataFrame
         One row a socket, tissue, quantity and site, with `COLUMNS`: values of both sets in the
-        quantity's unit, changes in %, and the site in the reference section. Site "max_separate"
+        quantity's unit and the site in the reference section, and with relative_change_pct and
+        magnitude_change_pct. Site "max_separate"
         compares both sets where Separate has its maximum, "max_combined" where Combined has it,
         "max_both" each set's own maximum, wherever it is. Contact pressure stands with the skin:
         contact_pressure_max at its sites, and contact_pressure_mean, which has no site.
     """
-    rows: list[dict[str, Any]] = []
+    rows: list[tuple[Any, ...]] = []
     for socket in complete_sockets(results):
         pair = results[socket, "separate"], results[socket, "combined"]
-        for tissue in SUMMARY_TISSUES:
+        for tissue in tissues:
             found = [row for name in reported(tissue) for row in _tissue_rows(*pair, tissue, name)]
             if tissue == "skin":
                 found += _contact_rows(*pair)
-            rows += [{"socket": socket, "tissue": tissue, **row} for row in found]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+            rows += [(socket, tissue, *row) for row in found]
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    return table.assign(
+        relative_change_pct=table.separate.combine(table.combined, relative_change),
+        magnitude_change_pct=table.separate.combine(table.combined, magnitude_change),
+    )
 
 
-def _row(
-    quantity: str, site: str, separate: float, combined: float, place: Maximum = NOWHERE
-) -> dict[str, Any]:
-    return {
-        "quantity": quantity,
-        "site": site,
-        "separate": separate,
-        "combined": combined,
-        "relative_change_pct": relative_change(separate, combined),
-        "magnitude_change_pct": magnitude_change(separate, combined),
-        "region": place.region,
-        "x_mm": place.x_mm,
-        "y_mm": place.y_mm,
-    }
+def _row(quantity: str, site: str, separate: float, combined: float, at: Maximum = NOWHERE) -> Row:
+    return quantity, site, separate, combined, at.region, at.x_mm, at.y_mm
 
 
-def _tissue_rows(
-    separate: Result, combined: Result, tissue: str, quantity: str
-) -> list[dict[str, Any]]:
+def _tissue_rows(separate: Result, combined: Result, tissue: str, quantity: str) -> list[Row]:
     s, c = (each.quantities.maximum(tissue, quantity) for each in (separate, combined))
     c_at_s = combined.quantities.level_at(tissue, quantity, s.x_mm, s.y_mm)
     s_at_c = separate.quantities.level_at(tissue, quantity, c.x_mm, c.y_mm)
@@ -110,7 +93,7 @@ def _tissue_rows(
     ]
 
 
-def _contact_rows(separate: Result, combined: Result) -> list[dict[str, Any]]:
+def _contact_rows(separate: Result, combined: Result) -> list[Row]:
     peak, mean = "contact_pressure_max", "contact_pressure_mean"
     rows = []
     for site, each in (("max_separate", separate), ("max_combined", combined)):

@@ -14,7 +14,18 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.fields import TISSUES
 from calfsocket.postprocess.thresholds import Threshold, area_beyond, tissue_area
-from calfsocket.simulation.results import Results
+from calfsocket.simulation.results import KEY, Results
+
+COLUMNS = (
+    *KEY,
+    "tissue",
+    "quantity",
+    "threshold_pct",
+    "level_pct",
+    "region",
+    "area_mm2",
+    "area_share_pct",
+)
 
 
 @dataclass(frozen=True)
@@ -54,24 +65,14 @@ def damage(results: Results, thresholds: DamageThresholds) -> pd.DataFrame:
         the damage risk volume of a slice.
     """
     rows = []
-    for (socket, material_set), result in results.items():
-        quantities = result.quantities
+    for key, result in results.items():
         for threshold in thresholds.all:
-            if TISSUES.index(threshold.tissue) not in result.fields.tissue:
+            tissue, quantity = threshold.tissue, threshold.quantity
+            if TISSUES.index(tissue) not in result.fields.tissue:
                 continue
-            level = quantities.maximum(threshold.tissue, threshold.quantity)
-            area = area_beyond(quantities, threshold)
-            rows.append(
-                {
-                    "socket": socket,
-                    "material_set": material_set,
-                    "tissue": threshold.tissue,
-                    "quantity": threshold.quantity,
-                    "threshold_pct": threshold.value,
-                    "level_pct": abs(level.value),
-                    "region": level.region,
-                    "area_mm2": area,
-                    "area_share_pct": 100 * area / tissue_area(result.fields, threshold.tissue),
-                }
-            )
-    return pd.DataFrame(rows)
+            level = result.quantities.maximum(tissue, quantity)
+            area = area_beyond(result.quantities, threshold)
+            share = 100 * area / tissue_area(result.fields, tissue)
+            about = tissue, quantity, threshold.value, abs(level.value), level.region
+            rows.append((*key, *about, area, share))
+    return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -1,14 +1,32 @@
-"""What a report computes of a study once, for its tables, figures and answer."""
+"""What a report computes of a study once, for its tables, figures and sentences."""
 
+from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
 import pandas as pd
+from shapely import Polygon, area, difference
 
+from calfsocket.materials.law import Law
+from calfsocket.materials.tissues import TISSUES
+from calfsocket.meshes.frame import Frame
+from calfsocket.meshes.limb import Limb
+from calfsocket.plotting import section
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+from calfsocket.report import inputs
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import DamageThresholds, damage
+from calfsocket.report.names import SETS
 from calfsocket.report.variants import BASE, variants
 from calfsocket.simulation.results import Results
+
+STIFF = 10.0
+"""A tissue is a stiff sheet in another whose initial shear modulus is smaller by this factor."""
+
+AREA_DIGITS = 2
+"""Decimals of a share of area in %: two areas that agree in them are called equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +44,139 @@ class Findings:
     @cached_property
     def changes(self) -> pd.DataFrame:
         """Relative changes from the Separate to the Combined set."""
-        return relative_changes(self.results)
+        return relative_changes(self.results, self.soft_tissues)
 
     @cached_property
     def damage(self) -> pd.DataFrame:
         """Strains against the damage thresholds."""
         return damage(self.results, self.thresholds)
+
+    # --- the limb
+
+    @property
+    def fields(self) -> SectionFields:
+        """Fields of the first case, for what is the same in all."""
+        return next(iter(self.results.values())).fields
+
+    @property
+    def limb(self) -> Limb | None:
+        """The limb; None where single results were saved without a study."""
+        return self.study.run.limb if self.study.run else None
+
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior lie."""
+        return self.limb.frame if self.limb else next(iter(self.results.records.values())).frame
+
+    @cached_property
+    def tissues(self) -> tuple[str, ...]:
+        """Tissues of the section."""
+        return tuple(name for name in TISSUES if len(self.fields.cells_of(name)))
+
+    @property
+    def soft_tissues(self) -> tuple[str, ...]:
+        """Tissues of the section of which the summary has rows."""
+        return tuple(name for name in SUMMARY_TISSUES if name in self.tissues)
+
+    @property
+    def fixed_region(self) -> str:
+        """Region within which the limb is fixed; empty where that is not known."""
+        if self.limb is None:
+            return ""
+        holes = ((hole, each.name) for each in self.limb.regions for hole in each.holes)
+        return next(name for hole, name in holes if hole == self.limb.fixed_boundary)
+
+    # --- its sockets
+
+    @property
+    def socket_titles(self) -> dict[str, str]:
+        """Name of each socket, with its title where it has one."""
+        known = self.study.run.sockets if self.study.run else {}
+        titles = {name: getattr(known.get(name), "title", "") for name in self.results.sockets}
+        return {name: f"{name}, {title}" if title else name for name, title in titles.items()}
+
+    @property
+    def own_walls(self) -> dict[str, list[str]]:
+        """Numbers of their own that walls of sockets have, in words."""
+        known = self.study.run.sockets if self.study.run else {}
+        own = {name: known[name].elasticity() for name in self.results.sockets if name in known}
+        units = {"e": " MPa", "nu": ""}
+        return {
+            name: [f"{key} {value:.6g}{units[key]}" for key, value in numbers.items()]
+            for name, numbers in own.items()
+            if numbers
+        }
+
+    @cached_property
+    def areas(self) -> pd.DataFrame:
+        """What each socket takes of the limb's area, %.
+
+        `lost` is by how much less it encloses than the limb, `overlap` the share that lies in its
+        wall before contact.
+        """
+        fields = {socket: result.fields for (socket, _), result in self.results.items()}
+        rows = [_areas(each) for each in fields.values()]
+        return pd.DataFrame(rows, [*fields], ["lost", "overlap"]).round(AREA_DIGITS)
+
+    @property
+    def not_smaller(self) -> list[str]:
+        """Sockets that do not enclose less area than the limb."""
+        return [*self.areas.index[self.areas.lost <= 0]]
+
+    # --- its material sets
+
+    @cached_property
+    def laws(self) -> dict[str, dict[str, Law]]:
+        """Laws of what the section has, by tissue or region, in each material set."""
+        present = {*self.tissues, *self.fields.region_names.values(), "socket"}
+        known = inputs.laws(self.results)
+        return {
+            name: {key: law for key, law in known[name].items() if key in present}
+            for name in self.results.material_sets
+            if name in known
+        }
+
+    @cached_property
+    def shared_laws(self) -> dict[str, list[list[str]]]:
+        """Groups of soft tissues that have one law, in each material set."""
+        return {
+            name: [
+                [tissue for tissue in self.soft_tissues if laws[tissue] == law]
+                for law, n in Counter(laws[tissue] for tissue in self.soft_tissues).items()
+                if n > 1
+            ]
+            for name, laws in self.laws.items()
+        }
+
+    @property
+    def merged(self) -> bool:
+        """Whether muscle and fascia have one law in the Combined set, and only there."""
+        pair = {"muscle", "fascia"}
+        return [
+            any(pair <= {*group} for group in self.shared_laws.get(name, [])) for name in SETS
+        ] == [False, True]
+
+    @property
+    def own_laws(self) -> list[str]:
+        """Regions that have a law of their own in some material set."""
+        named = dict.fromkeys(name for laws in self.laws.values() for name in laws)
+        return [name for name in named if name not in TISSUES]
+
+    @property
+    def stiff_fascia(self) -> bool:
+        """Whether fascia is a stiff sheet in soft muscle, in some material set."""
+        return {"fascia", "muscle"} <= {*self.tissues} and any(
+            laws["fascia"].initial_shear_modulus > STIFF * laws["muscle"].initial_shear_modulus
+            for laws in self.laws.values()
+        )
+
+
+def _areas(fields: SectionFields) -> tuple[float, float]:
+    paths = (
+        section.limb_boundary(fields, fields.points),
+        section.boundary(fields.cells[fields.cells_of("socket")], fields.points),
+    )
+    limb, socket = ([Polygon(np.asarray(ring)) for ring in each.to_polygons()] for each in paths)
+    outline, cavity = max(limb, key=area), min(socket, key=area)
+    outside = area(difference(outline, cavity))
+    return 100 * (1 - area(cavity) / area(outline)), 100 * outside / area(outline)

@@ -1,11 +1,13 @@
 """What a study was solved with, as its run.json has it, in the words that a report needs."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, cast
 
+from calfsocket.materials.law import Law
 from calfsocket.simulation.results import Results
 
-Laws = dict[str, dict[str, dict[str, Any]]]
-"""Material set -> tissue or region -> kind of law and parameters (MPa)."""
+Laws = Mapping[str, Mapping[str, Law]]
+"""Material set -> tissue or region -> law."""
 
 
 def settings(results: Results) -> dict[str, Any]:
@@ -22,16 +24,20 @@ def settings(results: Results) -> dict[str, Any]:
     return found
 
 
+def friction(results: Results) -> list[float]:
+    """Return the coefficients of friction of the cases, each once."""
+    common = settings(results).get("friction")
+    each = [record.changes.get("model.friction", common) for record in results.records.values()]
+    return sorted({float(value) for value in each if value is not None})
+
+
 def laws(results: Results) -> Laws:
     """Return the laws of every material set of the study, of variants by the base's names."""
     if results.run is None:
         return {}
-    known = {
-        name: {tissue: law.model_dump(mode="json") for tissue, law in laws.items()}
-        for name, laws in results.run.laws.items()
-    }
+    known = cast(Laws, results.run.laws)
     own = {
         key[1]: known.get(record.name, known.get(record.material_set))
         for key, record in results.records.items()
     }
-    return known | {name: found for name, found in own.items() if found is not None}
+    return {**known, **{name: found for name, found in own.items() if found is not None}}

@@ -1,14 +1,18 @@
 """How the results were computed: settings, cases and their checks, versions, as tables."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
+from calfsocket.materials.material_set import MaterialSet
 from calfsocket.report import inputs, names
-from calfsocket.report.answer import MOST_NAMED
-from calfsocket.report.table import Table, number
-from calfsocket.simulation.record import StudyRecord
-from calfsocket.simulation.results import Results
+from calfsocket.report.findings import Findings
+from calfsocket.report.table import Table
+from calfsocket.report.variants import changes_of
+from calfsocket.report.words import number
+from calfsocket.simulation.record import CaseRecord, StudyRecord
+from calfsocket.simulation.results import KEY, Results
 
 SETTINGS = {
     "size": "mesh size",
@@ -28,52 +32,72 @@ SETTINGS = {
 }
 """Words for settings; one that is not here keeps its name."""
 
+COLUMNS = {
+    "changes": ("changed", str),
+    "cells": ("triangles", str),
+    "unknowns": ("unknowns", str),
+    "steps": ("load steps", str),
+    "failed_steps": ("failed steps", str),
+    "newton_iterations": ("Newton iterations", str),
+    "residual_N_per_mm": ("residual, N/mm", number),
+    "relative_force_imbalance": ("force imbalance", number),
+    "smallest_volume_ratio": ("smallest J", number),
+    "largest_gap_in_contact_mm": ("gap in contact, mm", number),
+    "negative_modes": ("negative modes", str),
+    "seconds": ("seconds", number),
+}
+"""Columns of the table of cases: their data's name -> heading, and how a cell is written."""
 
-def tables(results: Results) -> list[Table]:
+
+def tables(findings: Findings) -> list[Table]:
     """Return the tables of cases, of settings and of versions."""
-    made = [_cases(results)]
-    if found := inputs.settings(results):
-        made.append(_settings(found))
-    if results.run:
-        made.append(_versions(results.run))
-    return made
+    run = findings.study.run
+    made = [_cases(findings.results)]
+    return [*made, _settings(settings(findings)), _versions(run)] if run else made
 
 
-def summary(results: Results) -> str:
-    """Return in one sentence what was solved."""
-    runs = "; ".join(
-        f"{socket} {' and '.join(_sets(results, socket))}" for socket in results.sockets
-    )
-    if len(results.sockets) > MOST_NAMED:
-        runs = f"{len(results)} cases"
-    found = inputs.settings(results)
-    parts = [
-        f"{word} {str(found[key]).replace('-', ' ')}"
-        for key, word in {
-            "size": "mesh size",
-            "socket_support": "socket",
-            "friction": "friction",
-            "fascia_c10": "fascia's C10",
-            "ogden_form": "Ogden form",
-        }.items()
+def settings(findings: Findings) -> dict[str, Any]:
+    """Return the settings that reach a case: choices of the paper's laws only where one is used."""
+    found = inputs.settings(findings.results)
+    used = [law for laws in findings.laws.values() for law in laws.values()]
+    if "fascia_c10" in found:
+        paper = MaterialSet.paper("separate", found["fascia_c10"]).tissue_laws()["fascia"]
+        if not any(laws.get("fascia") == paper for laws in findings.laws.values()):
+            del found["fascia_c10"]
+    if not any(getattr(law, "form", None) == found.get("ogden_form") for law in used):
+        found.pop("ogden_form", None)
+    return found
+
+
+FIRST = {"size": "mesh size", "socket_support": "socket", "friction": "friction"}
+"""What a reader wants to know of the settings first, and its words."""
+
+
+def in_words(findings: Findings, words: Mapping[str, str]) -> list[str]:
+    """Return some of the settings in words."""
+    found = settings(findings)
+    return [
+        f"{word} {_text(found[key]).replace('-', ' ')}"
+        for key, word in words.items()
         if key in found
     ]
-    if not parts:
-        return f"{runs}."
-    text = ", ".join(parts)
-    return f"{runs}. {text[0].upper()}{text[1:]}."
 
 
 def warnings(results: Results) -> list[str]:
     """List what a reader must know before using a number: cases left out, and checks not passed."""
-    found = [f"{name} is left out: {why}" for name, why in results.left_out.items()]
+    found = []
+    for record in results.unsolved.values():
+        about = f"{record.name} is left out" + (f", {stopped(record)}" if stopped(record) else "")
+        found.append(f"{about}: {results.left_out[record.name]}")
     for record in results.records.values():
         found += [f"{record.name}: {text}" for text in record.warnings]
     return found
 
 
-def _sets(results: Results, socket: str) -> list[str]:
-    return [names.material_set(name) for name in results.material_sets if (socket, name) in results]
+def stopped(record: CaseRecord) -> str:
+    """Return at which load a case has failed; empty where it reached none."""
+    failed = record.status == "failed" and record.load
+    return f"stopped at load {record.load:.3g} of 1" if failed else ""
 
 
 def _cases(results: Results) -> Table:
@@ -81,62 +105,34 @@ def _cases(results: Results) -> Table:
     data = pd.DataFrame(
         [
             {
-                "socket": socket,
-                "material_set": material_set,
-                "changes": ", ".join(f"{key} = {value}" for key, value in record.changes.items()),
+                **dict(zip(KEY, key, strict=True)),
+                "changes": changes_of(record),
                 "ranks": record.ranks,
                 **(record.checks.model_dump() if record.checks else {}),
                 "seconds": sum(record.seconds.values()),
             }
-            for (socket, material_set), record in results.records.items()
+            for key, record in results.records.items()
         ]
     )
-    columns = {
-        "changed": ("changes", str),
-        "triangles": ("cells", str),
-        "unknowns": ("unknowns", str),
-        "load steps": ("steps", str),
-        "failed steps": ("failed_steps", str),
-        "Newton iterations": ("newton_iterations", str),
-        "residual, N/mm": ("residual_N_per_mm", number),
-        "force imbalance": ("relative_force_imbalance", number),
-        "smallest J": ("smallest_volume_ratio", number),
-        "gap in contact, mm": ("largest_gap_in_contact_mm", number),
-        "negative modes": ("negative_modes", str),
-        "seconds": ("seconds", number),
-    }
     if not data.changes.any():
         data = data.drop(columns="changes")
     shown = pd.DataFrame(
-        {label: data[key].map(text) for label, (key, text) in columns.items() if key in data}
+        {label: data[key].map(text) for key, (label, text) in COLUMNS.items() if key in data}
     )
-    sets = map(names.material_set, data.material_set)
-    shown.index = pd.Index([f"{s} {m}" for s, m in zip(data.socket, sets, strict=True)])
-    return Table(
-        "cases",
-        "Runs and their checks",
-        "Each run raises the load (the share of the overlap that is released) to 1 in steps. "
-        "Residual: force left on the nodes. Force imbalance: contact pressure and friction against "
-        "the tibia's reaction, relative to the pressing force. Smallest J: strongest volume loss. "
-        "Negative modes: 0 at a stable equilibrium.",
-        data,
-        shown,
-    )
+    shown.index = data.socket + " " + data.material_set.map(names.material_set)
+    return Table("cases", data, shown)
 
 
 def _settings(found: dict[str, Any]) -> Table:
     data = pd.DataFrame({"setting": list(found), "value": [_text(found[key]) for key in found]})
     shown = data.set_index(data.setting.map(lambda key: SETTINGS.get(key, key)))[["value"]]
-    return Table(
-        "settings", "Settings", "Shared by all runs, except for the changes of some.", data, shown
-    )
+    return Table("settings", data, shown)
 
 
 def _versions(run: StudyRecord) -> Table:
     versions = {**run.versions, "ranks": str(run.ranks)}
     data = pd.DataFrame({"program": list(versions), "version": list(versions.values())})
-    caption = "Programs that the runs were made with."
-    return Table("versions", "Versions", caption, data, data.set_index("program"))
+    return Table("versions", data, data.set_index("program"))
 
 
 def _text(value: object) -> str:

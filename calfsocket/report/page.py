@@ -3,56 +3,26 @@
 import base64
 import io
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
+from matplotlib.figure import Figure
 from PIL import Image
 
 import calfsocket
 from calfsocket.io.files import replacing
-from calfsocket.report.chapters import Chapter, Content, Drawn, Line, Note
+from calfsocket.plotting.style import save, type_set
 from calfsocket.report.table import Table
-from calfsocket.report.templates import read, render
+from calfsocket.report.templates import read, render, tidy
+
+FIGURES, TABLES = "figures", "tables"
+"""Folders beside the page."""
 
 PAGE_FILE = "report.html"
 WIDTH_PX = 1600  # of a figure: sharp on a phone at three pixels a point, on paper at 220 dpi
-
-
-@dataclass(frozen=True)
-class Page:
-    """What the page shows: the answer with notes below it, chapters whose figures are drawn."""
-
-    title: str
-    summary: str
-    warnings: Sequence[str]
-    answer: Sequence[Line]
-    notes: Sequence[str]
-    chapters: Sequence[Chapter]
-    method: Sequence[Table]
-
-
-def write_page(page: Page, folder: Path) -> Path:
-    """Write report.html into a folder; return its path."""
-    text = render(
-        "report.html",
-        style=Markup(read("report.css")),
-        version=calfsocket.__version__,
-        page=page,
-        chapters=[
-            {"about": chapter, "content": [_shown(each, folder) for each in chapter.content]}
-            for chapter in page.chapters
-        ],
-        method=[table.html() for table in page.method],
-        files={name: text for name, text in FILES.items() if (folder / name).is_file()},
-    )
-    path = folder / PAGE_FILE
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return path
-
 
 FILES = {
     "run.json": "all inputs and checks (run.json)",
@@ -61,6 +31,93 @@ FILES = {
     "contact.csv": "contact",
 }
 """Files of a study, and what the page calls them."""
+
+
+@dataclass
+class Page:
+    """What a template shows, and writes beside the page when it does.
+
+    Its methods are the template's: what they are called with is there in words, what they show is
+    here by name. What is not here, and a chapter or a line without content, is left out.
+    """
+
+    folder: Path
+    figures: Mapping[str, Callable[[], Figure] | tuple[Path, Path]]
+    """Draw a figure, or name its files, PNG and PDF."""
+    tables: Mapping[str, Table]
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    """Of figures; those without one are counted in the order of the page."""
+    chapters: list[tuple[str, str]] = field(default_factory=list)
+    """Anchor and title of those shown so far."""
+    _figures_shown: int = 0
+
+    def write(self, template: str, package: str, **values: Any) -> Path:
+        """Write the page into the folder; return its path."""
+        found = {name: text for name, text in FILES.items() if (self.folder / name).is_file()}
+        text = render(
+            template,
+            package,
+            page=self,
+            style=Markup(read("report.css")),
+            version=calfsocket.__version__,
+            files=found,
+            **values,
+        )
+        path = self.folder / PAGE_FILE
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        return path
+
+    def chapter(self, anchor: str, title: str, caller: Callable[[], str]) -> Markup:
+        """Return a chapter of the page."""
+        content = caller()
+        if not content.strip():
+            return Markup()
+        self.chapters.append((anchor, title))
+        return render("chapter.html", anchor=anchor, title=title, content=content)
+
+    def line(self, topic: str, caller: Callable[[], str]) -> Markup:
+        """Return a line of the answer, whose numbers and units stay together."""
+        text = tidy(caller())
+        for unit in ("%", "kPa"):
+            text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
+        line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, Markup(text))
+        return line if text else Markup()
+
+    def figure(self, name: str, title: str, caller: Callable[[], Markup]) -> Markup:
+        """Return a figure, whose files are drawn now."""
+        if name not in self.figures:
+            return Markup()
+        self._figures_shown += 1
+        number = self.numbers.get(name, str(self._figures_shown))
+        found = self.figures[name]
+        if callable(found):
+            with type_set():
+                found = save(found(), self.folder / FIGURES, f"figure{number}_{name}")
+        png, pdf = (Path(os.path.relpath(path, self.folder)).as_posix() for path in found)
+        uri, width, height = data_uri(found[0])
+        return render(
+            "figure.html",
+            name=f"figure{number}_{name}",
+            title=title,
+            caption=tidy(caller().striptags()),
+            number=number,
+            uri=Markup(uri),
+            width=width,
+            height=height,
+            png=png,
+            pdf=pdf,
+        )
+
+    def table(self, name: str, title: str, caller: Callable[[], Markup]) -> Markup:
+        """Return a table, whose files are written now."""
+        if name not in self.tables:
+            return Markup()
+        table = replace(self.tables[name], title=title, caption=tidy(caller().striptags()))
+        table.write(self.folder / TABLES)
+        return table.html() + Markup(
+            '<p class="files"><a href="{0}.csv">CSV</a> <a href="{0}.md">Markdown</a></p>\n'
+        ).format(f"{TABLES}/{name}")
 
 
 def data_uri(png: Path) -> tuple[str, int, int]:
@@ -74,19 +131,3 @@ def data_uri(png: Path) -> tuple[str, int, int]:
     small.save(buffer, format="WEBP", lossless=True)
     text = base64.b64encode(buffer.getvalue()).decode("ascii")
     return f"data:image/webp;base64,{text}", width, height
-
-
-def _shown(content: Content, folder: Path) -> dict[str, Any]:
-    """Return what the template needs of a chapter's content."""
-    if isinstance(content, Drawn):
-        uri, width, height = data_uri(content.png)
-        png, pdf = (
-            Path(os.path.relpath(file, folder)).as_posix() for file in (content.png, content.pdf)
-        )
-        size = {"uri": Markup(uri), "width": width, "height": height}
-        return {"kind": "figure", "figure": content, **size, "png": png, "pdf": pdf}
-    if isinstance(content, Table):
-        return {"kind": "table", "name": content.name, "html": content.html()}
-    if isinstance(content, Note):
-        return {"kind": "note", "text": content.text}
-    return {"kind": "html", "html": content}

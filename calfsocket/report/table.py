@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
@@ -13,9 +12,6 @@ from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.report import names
 from calfsocket.report.templates import render
 
-TIMES = "\N{MULTIPLICATION SIGN}"
-TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
-
 
 @dataclass(frozen=True)
 class Table:
@@ -23,13 +19,13 @@ class Table:
 
     name: str
     """File name without ending."""
-    title: str
-    caption: str
     data: pd.DataFrame
     """All numbers, one row a thing, for programs."""
     shown: pd.DataFrame
     """Cells as people read them, plain text; index and columns are the labels."""
     notes: tuple[str, ...] = ()
+    title: str = ""
+    caption: str = ""
 
     def html(self) -> Markup:
         """Return a fragment without styles: a figure whose table may scroll in its own box."""
@@ -59,32 +55,6 @@ class Table:
                 path.write_text(text, encoding="utf-8")
 
 
-def number(value: float) -> str:
-    """Three digits and a minus sign, powers of ten far from 1; empty for NaN."""
-    if not np.isfinite(value):
-        return ""
-    if value == 0:
-        return "0"
-    if not 1e-3 <= abs(value) < 1e5:
-        mantissa, exponent = f"{value:.1e}".split("e")
-        text = f"{mantissa}·10^{int(exponent)}"
-    else:
-        text = f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
-    return text.replace("-", "\N{MINUS SIGN}")
-
-
-def change(value: float) -> str:
-    """Return a change in percent with its sign, without decimals from 10 on."""
-    if not np.isfinite(value):
-        return ""
-    if abs(value) >= 1e5:
-        text = number(value)
-    else:
-        text = f"{value:.0f}" if abs(value) >= 10 else f"{value:.1f}".replace("-0.0", "0.0")
-        text = text.replace("-", "\N{MINUS SIGN}")
-    return f"+{text}" if value > 0 else text
-
-
 def spread(
     cells: pd.DataFrame, rows: list[str], columns: list[str], text: Iterable[str]
 ) -> pd.DataFrame:
@@ -111,12 +81,6 @@ def in_words(data: pd.DataFrame) -> pd.DataFrame:
             if column in data
         }
     )
-
-
-def listed(words: Iterable[str], comma: bool = False) -> str:
-    """Join words to a list as one reads it."""
-    *first, last = [*words] or [""]
-    return f"{', '.join(first)}{',' if comma else ''} and {last}" if first else last
 
 
 def _words(label: object, between: str) -> str:

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from calfsocket.report.table import TIMES, Table, in_words, number, spread
+from calfsocket.report.table import Table, in_words, spread
+from calfsocket.report.words import TIMES, number
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.results import KEY, Results
 
@@ -37,10 +38,11 @@ def variants(study: Results) -> dict[str, Results]:
 def name(record: CaseRecord) -> str:
     """Return the name of a case's variant: the label in its names, or its changes."""
     labels = dict.fromkeys(each.partition("@")[2] for each in record.key)
-    return "@".join(filter(None, labels)) or _changes(record)
+    return "@".join(filter(None, labels)) or changes_of(record)
 
 
-def _changes(record: CaseRecord) -> str:
+def changes_of(record: CaseRecord) -> str:
+    """Return what a case changes, in words; empty for the base."""
     return ", ".join(f"{parameter} = {value}" for parameter, value in record.changes.items())
 
 
@@ -83,28 +85,14 @@ def tables(study: Results) -> list[Table]:
 
 
 def _variants_table(of: Mapping[str, Results]) -> Table:
-    data = pd.DataFrame(
-        [
-            {
-                "variant": variant,
-                "changes": _changes(next(iter(results.records.values()))),
-                "cases": len(results),
-                "unstable_cases": sum(
-                    bool(record.checks and record.checks.negative_modes)
-                    for record in results.records.values()
-                ),
-            }
-            for variant, results in of.items()
-        ]
-    )
-    return Table(
-        "variants",
-        "Variants",
-        "The base as the study file has it, and what is changed in each variant. Unstable: an "
-        "equilibrium with negative modes.",
-        data,
-        data.rename(columns={"unstable_cases": "unstable cases"}).set_index("variant").map(str),
-    )
+    rows = []
+    for variant, results in of.items():
+        records = [*results.records.values()]
+        unstable = sum(bool(each.checks and each.checks.negative_modes) for each in records)
+        rows.append((variant, changes_of(records[0]), len(records), unstable))
+    data = pd.DataFrame(rows, columns=["variant", "changes", "cases", "unstable_cases"])
+    shown = data.rename(columns={"unstable_cases": "unstable cases"}).set_index("variant")
+    return Table("variants", data, shown.map(str))
 
 
 def _dependence_table(data: pd.DataFrame) -> Table:
@@ -113,11 +101,4 @@ def _dependence_table(data: pd.DataFrame) -> Table:
         + ("" if row.robust else " *")
         for row in data.itertuples()
     ]
-    return Table(
-        "dependence",
-        "Which quantity depends on which choice",
-        "Magnitude under the variant over that of the base: median over sockets, and range. *: the "
-        f"median moves by more than {100 * (ROBUST - 1):.0f} %.",
-        data,
-        spread(in_words(data), _ROW, ["variant"], text),
-    )
+    return Table("dependence", data, spread(in_words(data), _ROW, ["variant"], text))

@@ -1,34 +1,54 @@
 """The report of a study: tables, figures and page, from its results alone."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from calfsocket.io.errors import InputError
-from calfsocket.plotting.style import save, type_set
-from calfsocket.report import answer, method, tables, variants
-from calfsocket.report.chapters import Chapter, Content, Drawn, Figure, Guest
+from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
+from calfsocket.report import inputs, method
+from calfsocket.report.answer import MOST_LISTED, MOST_NAMED, Answer
 from calfsocket.report.damage import DamageThresholds
-from calfsocket.report.figures import figures
+from calfsocket.report.figures import figures, maps
 from calfsocket.report.findings import Findings
-from calfsocket.report.page import Page, write_page
+from calfsocket.report.page import Page
 from calfsocket.report.table import Table
+from calfsocket.report.tables import tables
+from calfsocket.report.templates import PACKAGE
+from calfsocket.report.variants import ROBUST
 from calfsocket.simulation.results import Results
 
-FIGURES, TABLES = "figures", "tables"
-"""Folders beside the page."""
 
-TITLE = "What a prosthetic socket does inside a leg"
+@dataclass(frozen=True)
+class Guest:
+    """What a guest adds to a report: a template that extends the report's, and what it shows."""
+
+    package: str
+    template: str
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    figures: Mapping[str, Callable[[], Figure] | tuple[Path, Path]] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    """Of figures, the report's and its own, by their names."""
+    warnings: tuple[str, ...] = ()
+    values: Mapping[str, Any] = field(default_factory=dict)
+    """Of the template."""
+
+
+ALONE = Guest(PACKAGE, "report.html")
+"""A report without a guest."""
 
 
 def write_report(
     results: Results,
-    guests: Sequence[Callable[[Findings], Guest | None]] = (),
+    invite: Callable[[Findings], Guest | None] = lambda _: None,
     thresholds: DamageThresholds | None = None,
 ) -> Path:
     """Write tables/, figures/ and report.html into a study's folder; return the page's path.
 
-    The study may be incomplete. Guests return what they add to its report, or None.
+    The study may be incomplete. `invite` returns what a guest adds to its report, or None.
 
     Raises
     ------
@@ -43,121 +63,46 @@ def write_report(
             f"{results.folder}: no case reached its full load ({why}); solve the study first"
         )
     findings = Findings(results, thresholds or DamageThresholds())
-    added = [guest for make in guests if (guest := make(findings)) is not None]
-    made = _drawn(_joined(_chapters(findings), added), added, results.folder / FIGURES)
-    shown = [each for chapter in made for each in chapter.content if isinstance(each, Table)]
-    for table in (*shown, *(table for each in added for table in each.tables)):
-        table.write(results.folder / TABLES)
+    guest = invite(findings) or ALONE
     page = Page(
-        title=_title(results, added),
-        summary=method.summary(findings.results),
-        warnings=[*method.warnings(results), *(text for each in added for text in each.warnings)],
-        answer=answer.joined(answer.answer(findings), (line for g in added for line in g.lines)),
-        notes=[each.note for each in added if each.note],
-        chapters=made,
-        method=method.tables(results),
+        results.folder,
+        {**figures(findings), **guest.figures},
+        {**tables(findings), **guest.tables},
+        guest.numbers,
     )
-    return write_page(page, results.folder)
+    warnings = [*method.warnings(results), *guest.warnings]
+    values = {**values_of(findings), **guest.values, "warnings": warnings}
+    return page.write(guest.template, guest.package, **values)
 
 
-def _title(results: Results, guests: Sequence[Guest]) -> str:
-    content = results.run.study.content if results.run else {}
-    titles = [content.get("study", {}).get("title"), *(guest.title for guest in guests)]
-    return next(filter(None, titles), TITLE)
+def values_of(findings: Findings) -> dict[str, Any]:
+    """Return what the sentences of the report are about."""
+    study, results, run = findings.study, findings.results, findings.study.run
+    of_socket = {name: [m for s, m in results if s == name] for name in results.sockets}
+    return {
+        "findings": findings,
+        "results": results,
+        "limb": findings.limb,
+        "answer": Answer(findings),
+        "one_case": len(results) == 1,
+        "one_socket": len(results.sockets) == 1,
+        "several_sets": len(results.material_sets) > 1,
+        "sets_of": of_socket,
+        "study_title": run.study.content.get("study", {}).get("title") if run else None,
+        "settings": method.in_words(findings, method.FIRST),
+        "axes": _axes(findings),
+        "friction": any(inputs.friction(study)),
+        "options": [f"{key} {value}" for key, value in run.petsc_options.items()] if run else [],
+        "stress": maps.EFFECTIVE_STRESS,
+        "strain": maps.SHEAR_STRAIN,
+        "running_mean": f"{RUNNING_MEAN_MM:g}",
+        "robust_pct": f"{100 * (ROBUST - 1):.0f}",
+        "most_named": MOST_NAMED,
+        "most_listed": MOST_LISTED,
+        "literature": DamageThresholds(),
+    }
 
 
-def _chapters(findings: Findings) -> list[Chapter]:
-    """Return the chapters of any study's report; those without content are left out later."""
-    results = findings.results
-    drawn = figures(results)
-
-    def content(*parts: Content | None) -> tuple[Content, ...]:
-        return tuple(part for part in parts if part is not None)
-
-    return [
-        Chapter(
-            "model",
-            "The model",
-            "A transverse section of a leg in plane strain, pressed by a socket that is smaller "
-            "than the limb.",
-            content(drawn["regions"], drawn["overlays"], tables.laws(results)),
-        ),
-        Chapter(
-            "cases-side-by-side",
-            "The cases side by side",
-            content=content(tables.sweep(findings.study), tables.maxima(results)),
-        ),
-        Chapter(
-            "stress",
-            "Stress",
-            "Compression, distortion and shear of the tissues at rest in the socket, without body "
-            "weight. The largest value of a tissue is the largest level reached in two "
-            "neighbouring elements and five of their nodes, so that no single point decides.",
-            content(drawn["effective_stress"]),
-        ),
-        Chapter(
-            "strain",
-            "Strain",
-            "Shear strain is engineering shear, twice the tensor's component. Stiff fascia in soft "
-            "muscle buckles under little compression: waves along it are part of the result, "
-            "stable where a run counts no negative modes.",
-            content(drawn["shear_strain"]),
-        ),
-        Chapter("contact", "Contact pressure", content=content(drawn["contact_pressure"])),
-        Chapter(
-            "damage-risk",
-            "Damage thresholds",
-            content=content(tables.thresholds(results), tables.damage(findings.damage)),
-        ),
-        Chapter(
-            "choices",
-            "What the variants change",
-            content=content(*variants.tables(findings.study)),
-        ),
-    ]
-
-
-def _joined(chapters: Sequence[Chapter], guests: Sequence[Guest]) -> list[Chapter]:
-    """Add guests' chapters to those of the same anchor, or behind the one that they follow."""
-    replaced = {name for guest in guests for name in guest.replaces}
-    joined = []
-    for chapter in chapters:
-        kept = (each for each in chapter.content if getattr(each, "name", None) not in replaced)
-        joined.append(replace(chapter, content=tuple(kept)))
-    for chapter in (chapter for guest in guests for chapter in guest.chapters):
-        anchors = [each.anchor for each in joined]
-        if chapter.anchor in anchors:
-            place = anchors.index(chapter.anchor)
-            known = joined[place]
-            title = chapter.title or known.title
-            intro = f"{known.intro} {chapter.intro}".strip()
-            content = (*known.content, *chapter.content)
-            joined[place] = replace(known, title=title, intro=intro, content=content)
-        else:
-            place = anchors.index(chapter.after) + 1 if chapter.after else len(joined)
-            joined.insert(place, chapter)
-    return [chapter for chapter in joined if chapter.content]
-
-
-def _drawn(chapters: Sequence[Chapter], guests: Sequence[Guest], folder: Path) -> list[Chapter]:
-    """Draw the chapters' figures into files, numbered as guests say, or in the page's order."""
-    numbers = {name: number for guest in guests for name, number in guest.numbers.items()}
-    captions = {name: text for guest in guests for name, text in guest.captions.items()}
-    count = 0
-    made = []
-    for chapter in chapters:
-        content: list[Content] = []
-        for each in chapter.content:
-            if isinstance(each, Figure):
-                number, caption = each.number, each.caption
-                if not number:
-                    count += 1
-                    number = numbers.get(each.name, str(count))
-                    caption = f"{caption} {captions.get(each.name, '')}".strip()
-                name = f"figure{number}_{each.name}"
-                with type_set():
-                    files = save(each.draw(), folder, name)
-                each = Drawn(name, each.title, caption, number, *files)
-            content.append(each)
-        made.append(replace(chapter, content=tuple(content)))
-    return made
+def _axes(findings: Findings) -> str:
+    x, y, *_ = findings.frame.words
+    return f"+x {x} and +y {y}" if findings.frame.known else "in the section's x and y"

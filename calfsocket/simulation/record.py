@@ -9,6 +9,7 @@ from pydantic import Field
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, checked, read_text
 from calfsocket.materials.laws import AnyLaw
+from calfsocket.meshes.frame import Direction, Frame
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket
 
@@ -41,7 +42,7 @@ class Checks(Strict):
     pressing_force_N_per_mm : float
         Integral of the contact pressure over the skin.
     relative_force_imbalance : float
-        Force by which contact and the tibia's reaction differ, over the pressing force.
+        Force by which contact and reaction where the limb is fixed differ, over the pressing force.
     negative_modes : int
         0 at a stable equilibrium.
     """
@@ -65,13 +66,14 @@ class Checks(Strict):
         """Return which checks the result does not pass, in words."""
         found = []
         if self.negative_modes != 0:
-            found.append(f"unstable equilibrium: {self.negative_modes} negative modes")
+            plural = "" if self.negative_modes == 1 else "s"
+            found.append(f"unstable equilibrium: {self.negative_modes} negative mode{plural}")
         if self.smallest_volume_ratio <= 0:
             found.append(f"inverted material in {self.smallest_volume_ratio_region}")
         if self.largest_gap_in_contact_mm > GAP_TOLERANCE:
             found.append(f"gap of {self.largest_gap_in_contact_mm:.2g} mm in contact")
         if self.relative_force_imbalance > FORCE_TOLERANCE:
-            found.append("contact force and reaction at the tibia do not balance")
+            found.append("contact force and reaction do not balance")
         return tuple(found)
 
 
@@ -86,6 +88,8 @@ class CaseRecord(Strict):
         Socket and material set that it is a variant of: the names without labels.
     base_set : str
         Material set of the paper that its own is, or starts from.
+    axes : mapping
+        What +x and +y of the limb point to; empty where that is not known.
     changes : mapping
         Parameters by which it differs from the other cases of its study: dotted name -> value as
         written in the study file.
@@ -111,6 +115,7 @@ class CaseRecord(Strict):
     material_set: str
     of: tuple[str, str]
     base_set: Literal["separate", "combined"] = "separate"
+    axes: dict[str, Direction] = Field(default_factory=dict)
     changes: dict[str, Any] = Field(default_factory=dict)
     status: Literal["running", "solved", "failed"] = "running"
     message: str = ""
@@ -130,6 +135,21 @@ class CaseRecord(Strict):
     def key(self) -> tuple[str, str]:
         """Values of the columns that name the case in every table."""
         return self.socket, self.material_set
+
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior are."""
+        return Frame(self.axes.get("+x"), self.axes.get("+y"))
+
+    @property
+    def solved(self) -> bool:
+        """Whether it reached its full load: only then has it results."""
+        return self.status == "solved"
+
+    @property
+    def load(self) -> float | None:
+        """Load of its last equilibrium, 0 to 1; None where there is none."""
+        return self.checks.load if self.checks else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -215,30 +235,45 @@ class StudyRecord(Strict):
     cases: dict[str, CaseRecord]
 
 
-def read_run(path: Path) -> StudyRecord:
+def read_run(path: Path, advice: str = "") -> StudyRecord:
     """Read the run.json of a study.
+
+    Parameters
+    ----------
+    advice : str, optional
+        What to do where it cannot be read; by default what helps who wants to solve it again.
 
     Raises
     ------
     InputError
-        If it is none, or was written by another version.
+        If it is none, or was written by another version: why, and the advice.
     """
-    text = read_text(path)
+    again = "solve the study file again"
     try:
-        content = json.loads(text)
+        content = json.loads(read_text(path))
+    except InputError as error:
+        raise _refusal(path, error, advice or again) from None
     except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
+        raise InputError(f"{path}: is not JSON: {error}; {advice or again}") from None
     except RecursionError:
-        raise InputError(f"{path}: has too many levels of nesting") from None
+        raise InputError(f"{path}: has too many levels of nesting; {advice or again}") from None
     if not isinstance(content, dict) or content.get("program") != "calfsocket":
-        raise InputError(
-            f"{path}: is not the run.json of a study; name a study file, or a run.json that this "
-            "version has written"
-        )
+        usual = "name a study file, or a run.json that this version has written"
+        raise InputError(f"{path}: is not the run.json of a study; {advice or usual}")
     if content.get("format") != FORMAT:
-        version = content.get("versions", {}).get("calfsocket", "another version")
+        versions = content.get("versions")
+        version = versions.get("calfsocket") if isinstance(versions, dict) else None
+        by = f"calfsocket {version}" if version else "another version"
         raise InputError(
-            f"{path}: was written by calfsocket {version}, whose run.json this version does not "
-            "read; solve the study file again, or use that version"
+            f"{path}: was written by {by}, whose run.json this version does not read; "
+            f"{advice or f'{again}, or use that version'}"
         )
-    return checked(path, content, StudyRecord, units_required=False)
+    try:
+        return checked(path, content, StudyRecord, units_required=False)
+    except InputError as error:
+        raise _refusal(path, error, advice or again) from None
+
+
+def _refusal(path: Path, error: InputError, advice: str) -> InputError:
+    """Return an error with advice for who does not want to mend the file."""
+    return InputError(f"{path}: cannot be used ({str(error).removeprefix(f'{path}: ')}); {advice}")

@@ -26,7 +26,7 @@ STEPS_FILE = "steps.csv"
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The last equilibrium of a case.
+    """The last equilibrium of a case; its result, where that is `solved`.
 
     Attributes
     ----------
@@ -50,6 +50,11 @@ class Result:
     fields: SectionFields
     line: ContactLine
     steps: pd.DataFrame
+
+    @property
+    def solved(self) -> bool:
+        """Whether this is the state at full load, and not where a case has stopped."""
+        return self.record.solved
 
     @property
     def checks(self) -> Checks:
@@ -98,7 +103,10 @@ class Result:
         """Draw the deformed section with its effective stress and the contact pressure around."""
         from calfsocket.plotting import case  # half a second, which solving may do without
 
-        return case.draw(self.quantities, self.line, case.case_title(*self.record.key))
+        title = case.case_title(*self.record.key)
+        if not self.solved:
+            title += f", stopped at load {self.checks.load:.3f}"
+        return case.draw(self.quantities, self.line, title, self.record.frame)
 
     def draw(self, folder: Path | str) -> Path:
         """Write the picture of `plot` as picture.png into a folder; return its path."""
@@ -109,27 +117,52 @@ class Result:
     def save(self, folder: Path | str) -> Path:
         """Write fields.vtu, contact.csv, steps.csv and result.json; return the folder.
 
-        result.json is written last: a folder that has one is whole.
+        All of them say at which load this is an equilibrium. result.json is written last: a folder
+        that has one is whole.
         """
         folder = Path(folder)
-        write_fields(folder, self.quantities, *self.record.key)
-        for name, table in ((CONTACT_FILE, self.contact), (STEPS_FILE, self.steps)):
+        load = self.checks.load
+        write_fields(folder, self.quantities, load)
+        contact = self.contact.assign(load=load)
+        for name, table in ((CONTACT_FILE, contact), (STEPS_FILE, self.steps)):
             with replacing(folder / name) as temporary:
                 table.to_csv(temporary, index=False)  # all digits
         write_json(folder / RESULT_FILE, self.record.model_dump(mode="json"))
         return folder
 
     @classmethod
-    def load(cls, folder: Path | str) -> "Result":
+    def load(cls, folder: Path | str, stopped: bool = False) -> "Result":
         """Read what `save` wrote, without loss.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder of the case.
+        stopped : bool
+            Whether to read a case that has stopped below its full load, too: its last equilibrium.
 
         Raises
         ------
         InputError
-            When a file is missing or cannot be read.
+            When a file is missing or cannot be read, or the case did not reach its full load.
         """
         folder = Path(folder)
-        return cls.read(folder, read_json(folder / RESULT_FILE, CaseRecord))
+        record = read_json(folder / RESULT_FILE, CaseRecord)
+        if not (record.solved or stopped):
+            raise InputError(
+                f"{folder}: the case stopped at load {record.load or 0:.4f} of 1, so that it has "
+                "no results; Result.load(folder, stopped=True) reads its last equilibrium"
+            )
+        return cls.read(folder, record)
+
+    @staticmethod
+    def remove(folder: Path | str) -> None:
+        """Remove what `save` and `draw` wrote; other files stay."""
+        from calfsocket.plotting.case import PICTURE_FILE
+
+        # result.json first: without it the rest is no result.
+        for name in (RESULT_FILE, FIELDS_FILE, CONTACT_FILE, STEPS_FILE, PICTURE_FILE):
+            (Path(folder) / name).unlink(missing_ok=True)
 
     @classmethod
     def read(cls, folder: Path, record: CaseRecord) -> "Result":

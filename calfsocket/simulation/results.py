@@ -1,6 +1,6 @@
 """The results of several cases: a study's folder, read when it is asked for."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,8 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
+from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
+from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STEPS_FILE, Result
 
@@ -47,12 +49,14 @@ class Results(Mapping[Key, Result]):
     ) -> None:
         self.folder, self.run, self._read = folder, run, read
         self._records = dict(records)
-        self.records = {key: each for key, each in records.items() if each.status == "solved"}
+        self.records = {key: each for key, each in records.items() if each.solved}
         """Records of the solved cases."""
 
     def __getitem__(self, key: Key) -> Result:
         if key not in self.records:
-            raise KeyError(f"{self.folder} contains no solved case {'_'.join(key)}")
+            name = "_".join(key)
+            why = self.left_out.get(name, "no such case")
+            raise KeyError(f"{self.folder} contains no solved case {name}: {why}")
         return self._read(self.records[key])
 
     def __iter__(self) -> Iterator[Key]:
@@ -62,13 +66,14 @@ class Results(Mapping[Key, Result]):
         return len(self.records)
 
     @property
+    def unsolved(self) -> dict[Key, CaseRecord]:
+        """Records of the cases that are not solved."""
+        return {key: record for key, record in self._records.items() if not record.solved}
+
+    @property
     def left_out(self) -> dict[str, str]:
         """Name of every case that is not solved -> why."""
-        return {
-            record.name: record.message or "not finished"
-            for record in self._records.values()
-            if record.status != "solved"
-        }
+        return {each.name: each.message or "not finished" for each in self.unsolved.values()}
 
     @property
     def sockets(self) -> tuple[str, ...]:
@@ -84,12 +89,12 @@ class Results(Mapping[Key, Result]):
     @cached_property
     def summary(self) -> pd.DataFrame:
         """Rows of summary.csv of all cases; computed from their fields where there is none."""
-        return self._table(SUMMARY_FILE, Result.summary)
+        return self._table(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
 
     @cached_property
     def contact(self) -> pd.DataFrame:
         """Rows of contact.csv of all cases."""
-        return self._table(CONTACT_FILE, lambda result: result.contact)
+        return self._table(CONTACT_FILE, lambda result: result.contact, CONTACT_COLUMNS)
 
     @cached_property
     def steps(self) -> pd.DataFrame:
@@ -131,7 +136,11 @@ class Results(Mapping[Key, Result]):
         }
         return Results(self.folder, self.run, records, self._read)
 
-    def _table(self, name: str, of_result: Callable[[Result], pd.DataFrame]) -> pd.DataFrame:
+    def _table(
+        self, name: str, of_result: Callable[[Result], pd.DataFrame], columns: Sequence[str] = ()
+    ) -> pd.DataFrame:
+        if not self.records:
+            return pd.DataFrame(columns=[*KEY, *columns])
         path = self.folder / name
         whole = _read_table(path) if path.is_file() else None
         parts = []

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import ConvergenceError, InputError, in_one_line
 from calfsocket.io.schema import nearest
+from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
 from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
@@ -127,7 +128,10 @@ class Simulation:
         self._placement = placement
         self.region_laws = materials.region_laws(limb.tissues)
         if wall := socket.elasticity():
-            self.region_laws[tags.SOCKET] = SOCKET.model_copy(update=wall)
+            law = self.region_laws[tags.SOCKET]
+            # What the wall does not say is the set's, if that is linear, too.
+            base = law if isinstance(law, Hencky) else SOCKET
+            self.region_laws[tags.SOCKET] = base.model_copy(update={**wall, "given": None})
 
     @cached_property
     def placement(self) -> Placement:
@@ -148,7 +152,10 @@ class Simulation:
         return {
             "limb": self.limb.model_dump(mode="json"),
             "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
-            "laws": {name: law.model_dump(mode="json") for name, law in self.region_laws.items()},
+            "laws": {
+                name: law.model_dump(mode="json", exclude={"given"})
+                for name, law in self.region_laws.items()
+            },
             "mesh_size": self.mesh_size.name,
             "contact": self.contact.model_dump(mode="json"),
             "support": self.support,
@@ -264,6 +271,7 @@ class Simulation:
             material_set=self.materials.name,
             of=(self.socket.name, self.materials.name),
             base_set=self.materials.base,
+            axes=self.limb.axes,
             status="failed" if failure else "solved",
             message=failure,
             ranks=self.comm.size,

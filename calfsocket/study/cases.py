@@ -1,17 +1,17 @@
 """The cases of a study file: every socket's shape, every law, nothing solved."""
 
-import difflib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError, error_context
-from calfsocket.io.schema import checked, nearest
+from calfsocket.io.schema import checked, misspelt, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.meshes.limb import Limb
@@ -21,6 +21,7 @@ from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
 from calfsocket.simulation.simulation import Simulation
 from calfsocket.study import sweep
+from calfsocket.study.absent import refuse_absent
 from calfsocket.study.document import Document
 from calfsocket.study.files import Files
 from calfsocket.study.sweep import Changes, Labels, Point
@@ -52,6 +53,7 @@ class Case:
             material_set=self.materials.name,
             of=self.of,
             base_set=self.materials.base,
+            axes=self.limb.axes,
             changes=dict(self.changes),
         )
 
@@ -106,6 +108,25 @@ class Plan:
         return [case.key for case in self.cases]
 
     @property
+    def unused(self) -> list[str]:
+        """Dotted names of what the file says and no case has to do with, with the reason."""
+        sockets, sets = ({case.of[place] for case in self.cases} for place in (0, 1))
+        document, tissues = self.document, {*self.limb.tissues, *self.limb.tissues.values()}
+        found = [f"sockets.{name} (no case)" for name in document.sockets if name not in sockets]
+        found += [f"materials.{name} (no case)" for name in document.materials if name not in sets]
+        laws = {"laws": document.laws}
+        laws |= {f"materials.{name}": table.laws for name, table in document.materials.items()}
+        found += [
+            f"{place}.{tissue} (the limb has none)"
+            for place, of in laws.items()
+            for tissue in of
+            if tissue not in {*tissues, "combined"}
+        ]
+        if "quantities" in document.study.model_fields_set and not self.parameters:
+            found.append("study.quantities (no sweep)")
+        return found
+
+    @property
     def thresholds(self) -> tuple[Threshold, ...]:
         """Levels beyond which the summary counts a share of a tissue."""
         return tuple(each.threshold() for each in self.document.thresholds)
@@ -127,6 +148,16 @@ class Plan:
     def fingerprints(self) -> dict[str, str]:
         """Fingerprint of the inputs of each case, by its name."""
         return {case.name: case.simulation(MPI.COMM_SELF).fingerprint for case in self.cases}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes one doubt laws of the cases: the place of each, and why."""
+        found = [
+            f"materials.{case.materials.name}.{name}: {text}"
+            for case in self.cases
+            for name, text in case.materials.warnings
+        ]
+        return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
@@ -274,9 +305,9 @@ class Planner:
         materials = [name for base in bases for name in MaterialSet.paper(base).laws]
         for name in laws:
             if name not in (*materials, *regions):
-                near = difflib.get_close_matches(name, [*materials, *regions], n=1)
+                near = misspelt(name, [*materials, *regions])
                 hint = (
-                    f"did you mean '{near[0]}'?"
+                    f"did you mean '{near}'?"
                     if near
                     else f"allowed: {', '.join(dict.fromkeys(materials))}, or a region such as "
                     f"'{regions[0]}' (`show` draws them)"
@@ -293,6 +324,7 @@ class Planner:
         if key not in self._documents:
             with error_context(self._path, place):
                 content = sweep.applied(self._content, changes)
+                refuse_absent(content)
             words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
             origin = f"{place}: with {words}: " if changes else ""
             sockets: Any = content.get("sockets")
@@ -318,26 +350,29 @@ class Planner:
             words = point.label, ""
         socket = document.sockets.get(asked.socket) or self._reference[asked.socket]
         name = _joined(asked.socket, asked.label, words[0])
-        materials = self._materials(document, asked.materials)
+        materials = self._materials(document, asked.materials, words[1])
         return Case(
             limb=self._limb,
             socket=socket.model_copy(update={"name": name}),
-            materials=replace(materials, name=_joined(asked.materials, words[1])),
+            materials=materials,
             document=document,
             of=(asked.socket, asked.materials),
             changes=dict(changes),
             placement=self._placement(socket, asked.socket, document.model.socket_support),
         )
 
-    def _materials(self, document: Document, name: str) -> MaterialSet:
+    def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
         model = document.model
         paper = MaterialSet.paper(self._base(document, name), model.fascia_c10, model.ogden_form)
         with error_context(self._path):
             laws = self._files.laws(document.laws)
             if name in document.materials:
                 laws |= self._files.laws(document.materials[name].laws)
-        with error_context(self._path, f"materials.{name}"):
-            return paper.replace_known(laws, self._limb.tissues)
+        # `Plan.warnings` says it once for all cases, and where.
+        with error_context(self._path, f"materials.{name}"), catch_warnings():
+            simplefilter("ignore")
+            changed = paper.replace_known(laws, self._limb.tissues)
+            return replace(changed, name=_joined(name, label))
 
     def _placement(self, socket: AnySocket, name: str, support: SocketSupport) -> Placement:
         """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""

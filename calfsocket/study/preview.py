@@ -1,6 +1,7 @@
 """A picture of what a study file would solve: sockets on the limb, undeformed, and the cases."""
 
 import textwrap
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ def draw(plan: Plan, path: Path) -> None:
         bottom = 1 - (row + 1) * (PANEL_INCH + 0.5) / size[1]
         axes = figure.add_axes((left, bottom, 1 / columns, PANEL_INCH / size[1]))
         _draw_socket(axes, plan, case)
-    _draw_legend(figure, text + 0.3)
+    _draw_legend(figure, plan.limb.tissues.values(), text + 0.3)
     figure.text(
         0.02, (text - 0.05) / size[1], "\n".join(lines), va="top", family="monospace", fontsize=8,
         parse_math=False,
@@ -90,7 +91,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     (left, bottom), (right, top) = points.min(axis=0) - 7, points.max(axis=0) + 7
     window = (left, right, bottom, top)
     drawing.frame(axes, window)
-    drawing.mark_directions(axes, window, fontsize=7, margin=0.5)
+    drawing.mark_directions(axes, window, limb.frame, fontsize=7, margin=0.5)
     drawing.scale_bar(axes, window, fontsize=7)
     on = case.placement
     axes.set_title(
@@ -121,8 +122,9 @@ def _path(outer: ClosedCurve, *holes: ClosedCurve) -> Outline:
     return Outline.make_compound_path(*closed)
 
 
-def _draw_legend(figure: Figure, bottom_inch: float) -> None:
-    handles = [Patch(color=colour, label=name) for name, colour in drawing.TISSUE_COLOURS.items()]
+def _draw_legend(figure: Figure, tissues: Collection[str], bottom_inch: float) -> None:
+    colours = drawing.TISSUE_COLOURS.items()
+    handles = [Patch(color=colour, label=name) for name, colour in colours if name in tissues]
     handles += [
         Patch(color=drawing.SOCKET, label="socket"),
         Patch(color=OVERLAP, label="overlap"),

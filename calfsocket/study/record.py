@@ -2,7 +2,8 @@
 
 import logging
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,12 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.files import remove_unfinished, replacing, write_json
+from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
+from calfsocket.io.tables import remove_rows
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.results import KEY
 from calfsocket.study import restart, sweep_table
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.sweep import flat
@@ -50,6 +53,9 @@ class Recorder:
             case for case in plan.to_solve if not (resume and self._is_kept(case, before))
         )
         records = {case.name: case.record for case in self.to_solve}
+        # A case that is solved again has no results until it reaches its full load again.
+        for table in restart.CASE_TABLES:
+            remove_rows(out / table, KEY, {case.key for case in self.to_solve})
         self._record = StudyRecord(
             **now,
             ranks=ranks,
@@ -66,7 +72,7 @@ class Recorder:
 
     def _is_kept(self, case: Case, earlier: Mapping[str, CaseRecord]) -> bool:
         known = earlier.get(case.name)
-        if known is None or known.status != "solved":
+        if known is None or not known.solved:
             return False
         why = restart.damage(known.files, restart.digests(self._out, case.key))
         log.info("%s: %s", case.name, why or "already solved; kept")
@@ -91,10 +97,10 @@ class Recorder:
         self._record = self._record.model_copy(update={"finished": True})
         self._write()
         records = [self._record.cases[name] for name in self._asked]
-        failed = [record for record in records if record.status != "solved"]
+        failed = [record for record in records if not record.solved]
         if failed:
             log.warning(
-                "%d of %d cases failed; run again with --resume to retry them:",
+                "%d of %d cases failed and have no results; run again with --resume to retry them:",
                 len(failed),
                 len(records),
             )
@@ -112,7 +118,7 @@ class Recorder:
         if self._plan.parameters:
             sweep_table.write(self._out, self._plan, cases)
         for name in self._asked:
-            if cases[name].status == "solved":
+            if cases[name].solved:
                 # Its files hold all there is to know; one that failed may be resumed.
                 (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
 
@@ -137,7 +143,7 @@ def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
             {
                 "case": record.name,
                 "status": record.status,
-                "load": record.checks.load if record.checks else "",
+                "load": "" if record.load is None else record.load,
                 "message": record.message,
                 "warnings": "; ".join(record.warnings),
             }
@@ -146,33 +152,35 @@ def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
     )
 
 
-def check_folder(out: Path, plan: Plan, overwrite: bool) -> None:
-    """Refuse a folder whose results were made from other inputs.
+@contextmanager
+def results_folder(out: Path, plan: Plan, overwrite: bool = False) -> Iterator[None]:
+    """Keep a folder for the results of a plan until the body ends.
 
     Raises
     ------
     InputError
-        If the folder contains results of other inputs, unless they may be overwritten, or cannot be
-        written.
+        If another run writes into the folder, it contains results of other inputs and they may not
+        be overwritten, or it cannot be written to.
     """
-    path = out / RUN_FILE
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if overwrite:
-            for name in FILES:
-                (out / name).unlink(missing_ok=True)
-        if not path.exists():
-            return
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: {error.strerror}; name a folder that can be written to"
-        ) from None
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(occupied(out))
+            if overwrite:
+                for name in FILES:
+                    (out / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"--out {out}: {error.strerror}; name a folder that can be written to"
+            ) from None
+        if (out / RUN_FILE).exists():
+            _check_inputs(out, plan)
+        yield
+
+
+def _check_inputs(out: Path, plan: Plan) -> None:
+    """Refuse a folder whose results were made from other inputs."""
     advice = "name another folder, or add --overwrite to replace its results"
-    try:
-        before = read_run(path)
-    except InputError as error:
-        what, *_ = str(error).split("; ")  # what to do is another thing here
-        raise InputError(f"{what}; {advice}") from None
+    before = read_run(out / RUN_FILE, advice)
     now = flat({"settings": plan.settings, "thresholds": [*map(asdict, plan.thresholds)]})
     then = flat({"settings": before.settings, "thresholds": [*before.thresholds]})
     changed = [

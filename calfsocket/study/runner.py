@@ -28,7 +28,7 @@ from calfsocket.parallel.scheduler import Scheduler
 from calfsocket.postprocess.thresholds import shares_beyond
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.precompile import precompile
-from calfsocket.simulation.profile import PROFILE_FILE, Profile
+from calfsocket.simulation.profile import PROFILE_FILE, Phases, Profile
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import KEY, of_case
@@ -142,6 +142,8 @@ class _CaseRunner(Monitor):
 
     def _solve(self, resume: bool) -> CaseRecord:
         study, case = self._study, self._case
+        if self._is_root:
+            Result.remove(study.out / case.name)
         simulation = case.simulation(self._scheduler.group)
         profile = Profile() if study.profile else None
         try:
@@ -157,8 +159,8 @@ class _CaseRunner(Monitor):
             if profile:
                 self._merge(PROFILE_FILE, profile.rows(simulation.phases.seconds))
         record = result.record
-        text = record.message or "; ".join(["solved", *record.warnings])
-        self.message(text, result.checks.load, True)
+        how = "solved" if record.solved else f"stopped, {record.message}"
+        self.message("; ".join([how, *record.warnings]), record.load, True)
         files = digests(study.out, case.key) if self._is_root else {}
         return record.model_copy(update={"seconds": simulation.phases.seconds, "files": files})
 
@@ -167,17 +169,22 @@ class _CaseRunner(Monitor):
     def _write(self, simulation: Simulation, result: Result) -> None:
         study, phases = self._study, simulation.phases
         folder = study.out / self._case.name
-        with phases("quantities"):
-            shares = shares_beyond(result.quantities, result.line, study.plan.thresholds)
-            summary = pd.concat([result.summary(), shares]) if len(shares) else result.summary()
         with phases("files"):
             result.save(folder)
-            self._merge("contact.csv", result.contact)
-            self._merge("summary.csv", summary)
             self._merge("steps.csv", result.steps)
+        if result.solved:  # what a case has come to on its way is no result of the study
+            self._write_results(result, phases)
         if study.pictures:
             with phases("picture"), logged(f"the picture of {self._case.name} could not be made"):
                 result.draw(folder)
+
+    def _write_results(self, result: Result, phases: Phases) -> None:
+        with phases("quantities"):
+            shares = shares_beyond(result.quantities, result.line, self._study.plan.thresholds)
+            summary = pd.concat([result.summary(), shares]) if len(shares) else result.summary()
+        with phases("files"):
+            self._merge("contact.csv", result.contact)
+            self._merge("summary.csv", summary)
 
     def _merge(self, name: str, rows: pd.DataFrame) -> None:
         """Put the case's rows into a table that all cases share."""

@@ -3,6 +3,7 @@
 import logging
 import re
 from collections.abc import Collection, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +21,7 @@ from calfsocket.simulation.record import StudySource, read_run
 from calfsocket.simulation.results import Results, load_results
 from calfsocket.study.cases import Case, Plan, Planner
 from calfsocket.study.files import Files, sha256
-from calfsocket.study.record import check_folder
+from calfsocket.study.record import results_folder
 from calfsocket.study.runner import Runner
 
 log = logging.getLogger(__name__)
@@ -207,16 +208,21 @@ class Study:
         Raises
         ------
         InputError
-            If the study cannot be used, or the folder contains results of other inputs.
+            If the study cannot be used, the folder contains results of other inputs, or another
+            run writes into it.
         WriteError
             If run.json cannot be written.
         """
         comm = comm or MPI.COMM_WORLD
+        for text in self.plan.warnings if comm.rank == 0 else ():
+            log.warning("%s", text)
         folder = Path(self.plan.document.study.out if out is None else out)
-        on_first_rank(comm, lambda: check_folder(folder, self.plan, overwrite))
-        log.info("results go to %s", folder)
-        runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
-        runner.run(resume)
+        place = results_folder(folder, self.plan, overwrite)
+        with ExitStack() as stack:
+            on_first_rank(comm, lambda: stack.enter_context(place))
+            log.info("results go to %s", folder)
+            runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
+            runner.run(resume)
         return load_results(folder)
 
 

@@ -12,6 +12,7 @@ from pydantic import model_validator
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, nearest
+from calfsocket.study.absent import refuse_word
 from calfsocket.study.names import Name
 
 Changes = Mapping[str, Any]
@@ -127,6 +128,7 @@ def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
     changed: dict[str, Any] = copy.deepcopy(dict(content))
     for name, value in changes.items():
         first, *rest = name.split(".")
+        refuse_word(first)
         if first not in MAY_CHANGE or not rest:
             raise InputError(f"{name}: unknown parameter; {nearest(first, MAY_CHANGE)}")
         if first in ("sockets", "materials") and rest[0] not in content.get(first, {}):

@@ -19,7 +19,7 @@ from calfsocket.simulation.record import Checks
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
 from calfsocket.simulation.simulation import Simulation
-from calfsocket.study.record import check_folder
+from calfsocket.study.record import results_folder
 from calfsocket.study.study import Study
 from calfsocket.verification.sampling import FloatArray
 
@@ -43,7 +43,8 @@ def solved_study(
     }
     study = Study.paper().changed(tables)
     try:
-        check_folder(folder, study.plan, overwrite=False)
+        with results_folder(folder, study.plan):
+            pass
     except InputError:
         raise InputError(
             f"--results: {folder} cannot be written to, or contains results of other inputs; "

@@ -1,12 +1,12 @@
 """Facts on results: maxima, what merging changes, contact pressure, damage, the calibration."""
 
+from collections.abc import Mapping
 from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from calfsocket.calibration.names import FITTED, IGNORED, SEPARATE, TABLE1
 from calfsocket.paper.claims.rules import Fact
 from calfsocket.paper.claims.tolerances import (
     DIFFERS_PCT,
@@ -28,7 +28,7 @@ from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report.changes import magnitude_change, relative_change
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.names import QUANTITIES, SETS, material_set, region
-from calfsocket.report.table import number
+from calfsocket.report.words import number
 from calfsocket.simulation.results import Key
 
 OF = {"stress": STRESSES, "strain": STRAINS}
@@ -88,15 +88,15 @@ def _changes(e: Evidence, of: str = "") -> pd.DataFrame:
     return e.changes[e.changes["quantity"].isin(OF.get(of, STRESSES + STRAINS))]
 
 
-def _both(e: Evidence, of: str = "") -> pd.DataFrame:
+def both(e: Evidence, of: str = "") -> pd.DataFrame:
     """Return changes of each set's own maximum."""
     rows = _changes(e, of)
     return rows[rows.site == "max_both"]
 
 
-def maxima_that_differ(e: Evidence, of: str) -> Fact:
+def maxima_that_differ(e: Evidence) -> Fact:
     """Return the share of maxima that differ in magnitude; 0 where a tissue has none."""
-    rows = _both(e)
+    rows = both(e)
     differ = rows.magnitude_change_pct.abs() > DIFFERS_PCT
     same = [f"{r.tissue} {r.socket} {r.quantity}" for r in rows[~differ].itertuples()]
     every = (differ.groupby(rows.tissue).mean() > 0).all()
@@ -108,7 +108,7 @@ def _distance(a: Any, b: Any) -> float:
     return float(np.hypot(a.x_mm - b.x_mm, a.y_mm - b.y_mm))
 
 
-def tissues_at_the_same_site(e: Evidence, of: str) -> Fact:
+def tissues_at_the_same_site(e: Evidence) -> Fact:
     """Return the tissues whose maxima are mostly at one site in both sets."""
     complete = e.need_sets()
     n = len(complete) * len(STRESSES + STRAINS)
@@ -124,7 +124,7 @@ def tissues_at_the_same_site(e: Evidence, of: str) -> Fact:
     return {"value": few, "moved": {tissue: f"{count} of {n}" for tissue, count in moved.items()}}
 
 
-def maxima_vary(e: Evidence, of: str) -> Fact:
+def maxima_vary(e: Evidence) -> Fact:
     """Return whether maxima vary in size and place with set and socket."""
     e.need()
     rows = e.results.summary
@@ -151,11 +151,14 @@ def shear_strain_of_muscle(e: Evidence, of: str) -> Fact:
     return {"value": row.value if here else np.nan, **parts}
 
 
-def vessel_pressure(e: Evidence, of: str) -> Fact:
-    """Return, of the runs' largest pressures in the vessels, the one nearest to a value, kPa."""
-    values = {run_name(key): e.value(*key, "vessel", "pressure") for key in e.results}
-    nearest = min(values.values(), key=lambda value: abs(abs(value) - float(of)))
-    return {"value": nearest, "runs": values}
+def vessel_pressures(e: Evidence) -> dict[str, float]:
+    """Return the largest pressure in the vessels of each run, kPa."""
+    return {run_name(key): e.value(*key, "vessel", "pressure") for key in e.results}
+
+
+def nearest(e: Evidence, values: Mapping[str, float], to: float) -> float:
+    """Return the value whose magnitude is nearest to another."""
+    return min(values.values(), key=lambda value: abs(abs(value) - to))
 
 
 # --- relative changes by equation (3)
@@ -165,7 +168,7 @@ def extreme_change(e: Evidence, of: str) -> Fact:
     """Return the largest rise or fall of a maximum, %; NaN where it is in another cell."""
     kind, way, sockets, tissue, quantity, printed = of.split()
     e.need()
-    rows = _both(e, kind)
+    rows = both(e, kind)
     signed, size = rows.relative_change_pct, rows.magnitude_change_pct
     at = [rows.loc[each.idxmax() if way == "rise" else each.idxmin()] for each in (signed, size)]
     value = at[0].relative_change_pct
@@ -184,31 +187,14 @@ def extreme_change(e: Evidence, of: str) -> Fact:
     }
 
 
-def changes_of_several_hundred(e: Evidence, of: str) -> Fact:
-    """Return the number of maxima that change by several hundred percent."""
-    rows = _both(e)
-    signed, size = rows.relative_change_pct.abs(), rows.magnitude_change_pct.abs()
-    far = [int((each >= SEVERAL_HUNDRED_PCT).sum()) for each in (signed, size)]
-    return {"value": far[0], "by_size": far[1], "n": len(rows), "largest": signed.max()}
-
-
-def share_of_several_hundred(e: Evidence, of: str) -> Fact:
-    """Return the share of all cells that change by several hundred percent."""
-    rows = _changes(e)
-    far = rows.relative_change_pct.abs() >= SEVERAL_HUNDRED_PCT
-    at_combined = int(far[rows.site == "max_combined"].sum())
-    parts = {"share": 100 * far.mean(), "far": far.sum(), "at_combined": at_combined}
-    return {"value": far.mean(), "n": len(rows), **parts}
-
-
-def sites_spread_more(e: Evidence, of: str) -> Fact:
+def sites_spread_more(e: Evidence) -> Fact:
     """Return whether changes at sites spread wider than those of maxima, stresses and strains."""
     sites, both = {}, {}
     for kind in OF:
         rows = _changes(e, kind)
         change, at_both = rows.relative_change_pct, rows.site == "max_both"
         sites[kind], both[kind] = change[~at_both].dropna(), change[at_both].dropna()
-    wider = tuple(np.ptp(sites[kind]) > np.ptp(both[kind]) for kind in OF)
+    wider = all(np.ptp(sites[kind]) > np.ptp(both[kind]) for kind in OF)
     return {"value": wider, "sites": sites, "both": both}
 
 
@@ -227,47 +213,42 @@ def changes_near(e: Evidence, of: str) -> Fact:
     }
 
 
-def both_directions(e: Evidence, of: str) -> Fact:
-    """Return the numbers of maxima that rise and that fall in magnitude."""
-    size = _both(e).magnitude_change_pct
-    return {"value": (int((size > 0).sum()), int((size < 0).sum()))}
-
-
-def median_change(e: Evidence, of: str) -> Fact:
-    """Return the median change of the maxima's magnitude, %."""
-    return {"value": _both(e).magnitude_change_pct.abs().median()}
+def several(e: Evidence, site: str = "") -> "pd.Series[bool]":
+    """Return whether changes, those at a site say, are of several hundred percent."""
+    rows = _changes(e)
+    return rows.relative_change_pct[rows.site.str.startswith(site)].abs() >= SEVERAL_HUNDRED_PCT
 
 
 # --- contact pressure
 
 
-def _rise(e: Evidence, socket: str, quantity: str = PEAK) -> float:
-    return relative_change(*(e.value(socket, name, "skin", quantity) for name in SETS))
+def rises(e: Evidence, *sockets: str, quantity: str = PEAK) -> dict[str, float]:
+    """Return the rise of a contact pressure, the largest by default, with Combined, %."""
+    return {
+        socket: relative_change(*(e.value(socket, name, "skin", quantity) for name in SETS))
+        for socket in sockets
+    }
 
 
-def pressure_rise(e: Evidence, of: str) -> Fact:
-    """Return the rise of the largest contact pressure with Combined in some sockets, %."""
-    rises = {socket: _rise(e, socket) for socket in of.split("+")}
-    means = {socket: _rise(e, socket, MEAN) for socket in rises}
-    falls = [socket for socket in rises if rises[socket] <= 0 < means[socket]]
-    why = "rises by another share"
-    if falls:
-        c10 = e.laws["separate"]["fascia"].get("c10")
-        why = f"in {', '.join(falls)} the mean rises, the largest falls: in Separate a fascia of "
-        why += (
-            f"C10 {c10:g} MPa concentrates pressure in peaks" if c10 else "another law is stiffer"
-        )
-    return {"value": tuple(rises.values()), "rises": rises, "means": means, "why": why}
+def why_of_rises(e: Evidence, found: Mapping[str, float]) -> str:
+    """Return why the largest contact pressure does not rise as in the paper."""
+    means = rises(e, *found, quantity=MEAN)
+    falls = [socket for socket in found if found[socket] <= 0 < means[socket]]
+    if not falls:
+        return "rises by another share"
+    c10 = e.parameters["separate"]["fascia"].get("c10")
+    stiff = f"C10 {c10:g} MPa concentrates pressure in peaks" if c10 else "another law is stiffer"
+    where = ", ".join(falls)
+    return f"in {where} the mean rises, the largest falls: in Separate a fascia of {stiff}"
 
 
-def ranking_of_rises(e: Evidence, of: str) -> Fact:
-    """Return the sockets by the rise of the largest contact pressure."""
-    rises = {socket: _rise(e, socket) for socket in SOCKETS}
-    order = sorted(rises, key=lambda socket: -rises[socket])
+def ranking(e: Evidence, values: Mapping[str, float]) -> str:
+    """Return names by their values, the largest first."""
+    order = sorted(values, key=lambda name: -values[name])
     ranked = order[0]
     for before, after in pairwise(order):
-        ranked += f" {'>' if rises[before] > rises[after] else '='} {after}"
-    return {"value": ranked, "rises": rises}
+        ranked += f" {'>' if values[before] > values[after] else '='} {after}"
+    return ranked
 
 
 def _alike(values: dict[Key, float]) -> Fact:
@@ -283,17 +264,17 @@ def _alike(values: dict[Key, float]) -> Fact:
     return {"value": alike, "runs": {run_name(key): value for key, value in values.items()}}
 
 
-def alike_pressures(e: Evidence, of: str) -> Fact:
+def alike_pressures(e: Evidence) -> Fact:
     """Return the pairs of runs of one set or of one socket with one mean contact pressure."""
     return _alike({key: e.value(*key, "skin", MEAN) for key in e.results})
 
 
-def alike_forces(e: Evidence, of: str) -> Fact:
+def alike_forces(e: Evidence) -> Fact:
     """Return the pairs of runs of one set or of one socket with one pressing force."""
     return _alike({key: each.checks.pressing_force_N_per_mm for key, each in e.results.items()})
 
 
-def distance_of_peaks(e: Evidence, of: str) -> Fact:
+def distance_of_peaks(e: Evidence) -> Fact:
     """Return the smallest distance of two sockets' largest contact pressures in one set, mm."""
     distances = [
         _distance(a, b)
@@ -306,57 +287,49 @@ def distance_of_peaks(e: Evidence, of: str) -> Fact:
 # --- damage thresholds
 
 
-def _fascia(e: Evidence, socket: str, name: str) -> dict[str, float]:
-    """Return AMP and shear strain of fascia: the paper mixes the two."""
+def fascia(e: Evidence, socket: str, name: str) -> dict[str, float]:
+    """Return AMP and shear strain of fascia, %: the paper mixes the two."""
     return {
         QUANTITIES[quantity]: abs(e.value(socket, name, "fascia", quantity)) for quantity in STRAINS
     }
 
 
 def _largest_in_fascia(e: Evidence, name: str) -> dict[str, float]:
-    return {socket: max(_fascia(e, socket, name).values()) for socket in SOCKETS}
+    """Return the larger of the two in every socket, in one set, %."""
+    return {socket: max(fascia(e, socket, name).values()) for socket in SOCKETS}
 
 
-def _muscle(e: Evidence, name: str) -> dict[str, float]:
+def muscle(e: Evidence, name: str) -> dict[str, float]:
+    """Return the shear strain of muscle in every socket, in one set, %."""
     return {socket: abs(e.value(socket, name, "muscle", "shear_log_strain")) for socket in SOCKETS}
 
 
-def largest_shear_strain(e: Evidence, of: str) -> Fact:
-    """Return the largest shear strain of a set, %."""
-    values = {
-        f"{socket} {tissue}": abs(e.value(socket, of, tissue, "shear_log_strain"))
-        for socket in SOCKETS
-        for tissue in SUMMARY_TISSUES
-    }
-    where = max(values, key=lambda name: values[name])
-    return {"value": values[where], "where": where}
+def above(e: Evidence, values: Mapping[str, float], limit: float) -> list[str]:
+    """Return the names of the values above a limit."""
+    return [name for name, value in values.items() if value > limit]
 
 
-def muscle_above(e: Evidence, of: str) -> Fact:
-    """Return the sockets in which muscle's shear strain is above a value, in one set."""
-    name, limit = of.split()
-    values = _muscle(e, name)
-    above = [socket for socket, value in values.items() if value > float(limit)]
-    return {"value": above, "strains": values}
+def shear_strains(e: Evidence, name: str) -> "pd.Series[float]":
+    """Return the shear strain of every socket and tissue in a set, %."""
+    return pd.Series(
+        {
+            f"{socket} {tissue}": abs(e.value(socket, name, tissue, "shear_log_strain"))
+            for socket in SOCKETS
+            for tissue in SUMMARY_TISSUES
+        }
+    )
 
 
-def largest_fascia_strain(e: Evidence, of: str) -> Fact:
+def largest_fascia_strain(e: Evidence, name: str, *sockets: str) -> Fact:
     """Return the largest strain of fascia, %; NaN where a socket stays below its threshold."""
-    sockets, name = of.split()
-    strains = {socket: _fascia(e, socket, name) for socket in sockets.split("+")}
+    strains = {socket: fascia(e, socket, name) for socket in sockets}
     largest = [max(values.values()) for values in strains.values()]
     value = max(largest) if min(largest) > FASCIA_LIMIT else np.nan
     size = "smaller" if max(largest) < 29 else "larger"
     return {"value": value, "strains": strains, "size": size}
 
 
-def fascia_strains(e: Evidence, of: str) -> Fact:
-    """Return the strains of fascia in a case, %."""
-    strains = _fascia(e, *of.split())
-    return {"value": tuple(strains.values()), "strains": strains}
-
-
-def fascia_strain_in_hs(e: Evidence, of: str) -> Fact:
+def fascia_strain_in_hs(e: Evidence) -> Fact:
     """Return the largest strain of the separate fascia, %; NaN above its threshold or not in HS."""
     strains = _largest_in_fascia(e, "separate")
     where = max(strains, key=lambda socket: strains[socket])
@@ -364,63 +337,30 @@ def fascia_strain_in_hs(e: Evidence, of: str) -> Fact:
     wrong = [] if value < FASCIA_LIMIT else [f"above {FASCIA_LIMIT:g} %"]
     wrong += [] if where == "HS" else [f"largest in {where}"]
     here = not wrong
-    c10 = e.laws["separate"]["fascia"].get("c10")
+    c10 = e.parameters["separate"]["fascia"].get("c10")
     if not about(value, 18) and c10:
         wrong.append(f"C10 is {c10:g} MPa; the paper's stresses and strains need about 0.5")
     return {"value": value if here else np.nan, "strains": strains, "wrong": wrong}
 
 
-def tissues_at_risk_differ(e: Evidence, of: str) -> Fact:
-    """Return whether other tissues pass their thresholds in one set than in the other."""
+def at_risk(e: Evidence) -> dict[str, list[str]]:
+    """Return the tissues and sockets in which a threshold is passed, in each set."""
     limits = e.thresholds
-    at_risk = {
+    return {
         material_set(name): [
-            *(f"muscle {s}" for s, v in _muscle(e, name).items() if v > limits.muscle_shear_pct),
+            *(f"muscle {each}" for each in above(e, muscle(e, name), limits.muscle_shear_pct)),
             *(
-                f"fascia {s}"
-                for s, v in _largest_in_fascia(e, name).items()
-                if v > limits.fascia_strain_pct
+                f"fascia {each}"
+                for each in above(e, _largest_in_fascia(e, name), limits.fascia_strain_pct)
             ),
         ]
         for name in SETS
     }
-    separate, combined = at_risk.values()
-    none = "no strain passes a threshold in either set"
-    why = "the same tissues pass in both sets" if separate or combined else none
-    return {"value": separate != combined, "at_risk": at_risk, "why": why}
 
 
-# --- the calibration
+# --- what cannot be repeated
 
 
-def matched_curve(e: Evidence, of: str) -> Fact:
-    """Return the forces with Table 1's combined law over Separate's, at every displacement.
-
-    A law fitted here is close to Separate by construction, so it cannot decide.
-    """
-    found = e.checked_calibration()
-    table1, fitted = (found.force[name] / found.force[SEPARATE] for name in (TABLE1, FITTED))
-    near = sum(about(value, 1.0) for value in table1)
-    parts = {"table1": table1, "fitted": fitted, "fit": found.fit, "near": near, "n": len(table1)}
-    return {"value": tuple(table1), **parts}
-
-
-def force_without_fascia(e: Evidence, of: str) -> Fact:
-    """Return the forces with muscle's law in the fascia over the others, at every displacement."""
-    force = e.checked_calibration().force
-    over = {name: force[IGNORED] / force[name] for name in (SEPARATE, TABLE1, FITTED)}
-    return {"value": tuple(np.concatenate(list(over.values()))), **over}
-
-
-def deviation_without_fascia(e: Evidence, of: str) -> Fact:
-    """Return whether ignoring fascia is further from Separate than both combined laws are."""
-    found = e.checked_calibration()
-    off = {name: found.deviation_pct(name) for name in (IGNORED, TABLE1, FITTED)}
-    closer = off[IGNORED] > off[FITTED]
-    why = "Table 1's law is as far off in this model" if closer else "even the fitted law is as far"
-    return {"value": off[IGNORED] > max(off[TABLE1], off[FITTED]), **off, "why": why}
-
-
-def cannot_be_repeated(e: Evidence, of: str) -> Fact:
-    """Return why a claim cannot be checked."""
-    raise NotChecked(of)
+def not_checked(e: Evidence, why: str) -> Fact:
+    """Refuse a check."""
+    raise NotChecked(why)

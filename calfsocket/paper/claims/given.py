@@ -32,37 +32,32 @@ POISSON_RATIO = 0.495
 LOADS = ("load", "force", "weight", "moment", "gravity")
 NOT_MODELLED = ("nerve", "lymph")
 NODES = 5
-MMHG_KPA = 0.133322
 
 
 # --- tissues and laws
 
 
-def materials_and_sockets(e: Evidence, of: str) -> Fact:
-    """Return the numbers of materials of the limb in each set, and of sockets."""
-    counts = {name: len({repr(e.laws[name][t]) for t in LIMB_TISSUES}) for name in SETS}
-    counts["sockets"] = len(e.sockets)
-    return {"value": list(counts.values()), **counts}
+def materials(e: Evidence, name: str) -> int:
+    """Return the number of materials of the limb in a set."""
+    return len({repr(e.parameters[name][tissue]) for tissue in LIMB_TISSUES})
 
 
-def nonlinear_with_friction(e: Evidence, of: str) -> Fact:
-    """Return whether laws are nonlinear and there is friction."""
-    laws = sorted({law["law"] for law in e.laws["separate"].values()})
-    friction = e.settings["friction"]
-    return {"value": {"ogden", "yeoh"} <= {*laws} and friction > 0, "laws": laws, "mu": friction}
+def kinds(e: Evidence) -> list[str]:
+    """Return the kinds of laws of the Separate set."""
+    return sorted({law["law"] for law in e.parameters["separate"].values()})
 
 
-def laws_that_differ(e: Evidence, of: str) -> Fact:
+def laws_that_differ(e: Evidence) -> Fact:
     """Return tissues whose law differs between the sets, and the laws of muscle and fascia."""
-    separate, combined = e.laws["separate"], e.laws["combined"]
+    separate, combined = e.parameters["separate"], e.parameters["combined"]
     differ = ", ".join(sorted(name for name in separate if separate[name] != combined[name]))
     shared = "one" if combined["muscle"] == combined["fascia"] else "two"
     return {"value": f"{differ}; {shared} in Combined"}
 
 
-def law_of_each_tissue(e: Evidence, of: str) -> Fact:
+def law_of_each_tissue(e: Evidence) -> Fact:
     """Return the kind of law of every tissue, and the numbers of Ogden terms."""
-    laws = {tissue: e.laws["separate"][tissue] for tissue in LIMB_TISSUES}
+    laws = {tissue: e.parameters["separate"][tissue] for tissue in LIMB_TISSUES}
     terms = {len(law["mu"]) for law in laws.values() if law["law"] == "ogden"}
     kinds = ", ".join(f"{tissue} {law['law']}" for tissue, law in laws.items())
     return {"value": f"{kinds}; terms {terms}", "kinds": kinds}
@@ -70,24 +65,26 @@ def law_of_each_tissue(e: Evidence, of: str) -> Fact:
 
 def parameters(e: Evidence, of: str) -> Fact:
     """Return the relative deviations of a material's parameters from Table 1."""
-    rows = comparison.materials(e.laws)
+    rows = comparison.materials(e.parameters)
     rows = rows[rows.material == of]
+    if rows.empty:
+        raise NotChecked("needs another material set, which is not in this study")
     off = ((rows.ours - rows.paper) / rows.paper).abs()
     ours = [f"{r.symbol} {r.ours:.4g} {r.unit}".rstrip() for r in rows.itertuples()]
     chosen = [f"{r.symbol} is {r.ours:.4g} {r.unit}" for r in rows[~(off <= SAME)].itertuples()]
     return {"value": tuple(off), "ours": ours, "chosen": chosen}
 
 
-def d1_of_poisson_ratio(e: Evidence, of: str) -> Fact:
+def d1_of_poisson_ratio(e: Evidence) -> Fact:
     """Return the deviation of D1 = 3 (1 - 2 nu) / (mu1 (1 + nu)) from those of the laws."""
-    laws = [e.laws["separate"][tissue] for tissue in ("skin", "fat", "muscle")]
-    laws.append(e.laws["combined"]["muscle"])
+    laws = [e.parameters["separate"][tissue] for tissue in ("skin", "fat", "muscle")]
+    laws.append(e.parameters["combined"]["muscle"])
     factor = 3 * (1 - 2 * POISSON_RATIO) / (1 + POISSON_RATIO)
     off = max(abs(factor / law["mu"][0] / law["d1"] - 1) for law in laws)
     return {"value": off, "off": 100 * off}
 
 
-def ogden_prefactor(e: Evidence, of: str) -> Fact:
+def ogden_prefactor(e: Evidence) -> Fact:
     """Return Ogden's form, on which the paper's own stresses and strains decide.
 
     At constant volume and 45 degrees to the principal axes S12 = (2 mu/alpha) sinh(alpha LE12/2)
@@ -97,7 +94,7 @@ def ogden_prefactor(e: Evidence, of: str) -> Fact:
     at = published.maximum()
     abaqus, printed = [], []
     for tissue, name in (("skin", "separate"), ("skin", "combined"), ("muscle", "separate")):
-        law = e.laws[name][tissue]
+        law = e.parameters[name][tissue]
         mu, alpha = 1e3 * law["mu"][0], law["alpha"][0]
         for socket in SOCKETS:
             shear = abs(at[(tissue, "shear_log_strain", socket, name)]) / 100
@@ -105,37 +102,25 @@ def ogden_prefactor(e: Evidence, of: str) -> Fact:
             ratio = stress / (2 * mu / alpha * np.sinh(alpha * shear / 2))
             abaqus.append(ratio)
             printed.append(ratio / (alpha / 2))
-    form = e.laws["separate"]["skin"]["form"]
+    form = e.parameters["separate"]["skin"]["form"]
     medians = {"abaqus": np.median(abaqus), "printed": np.median(printed)}
     fits = abs(np.log(medians["printed"])) < abs(np.log(medians["abaqus"]))
     return {"value": form if fits else "refuted by the paper's tables", "form": form, **medians}
 
 
-def fascia_is_incompressible(e: Evidence, of: str) -> Fact:
-    """Return whether the separate fascia has no D."""
-    law = e.laws["separate"]["fascia"]
-    return {"value": law["law"] == "yeoh" and not law.get("d1")}
-
-
-def fascia_is_modelled(e: Evidence, of: str) -> Fact:
+def fascia_is_modelled(e: Evidence) -> Fact:
     """Return whether fascia is in both sets, in none with muscle's own material."""
     limb = e.run.limb
     areas = [limb.areas[name] for name, tissue in limb.tissues.items() if tissue == "fascia"]
-    muscle = e.laws["separate"]["muscle"]
-    ignored = any(e.laws[name]["fascia"] == muscle for name in SETS)
+    muscle = e.parameters["separate"]["muscle"]
+    ignored = any(e.parameters[name]["fascia"] == muscle for name in SETS)
     return {"value": bool(areas) and not ignored, "n": len(areas), "area": sum(areas)}
 
 
 # --- section, sockets, mesh
 
 
-def illustration(e: Evidence, of: str) -> Fact:
-    """Return whether the section follows the illustration, by its title."""
-    title = e.run.limb.title
-    return {"value": "just above mid-calf" in title and "not traced" not in title, "title": title}
-
-
-def segmented_tissues(e: Evidence, of: str) -> Fact:
+def segmented_tissues(e: Evidence) -> Fact:
     """Return whether there are all tissues and separate muscles, no nerves and no lymphatics."""
     regions = e.run.limb.regions
     tissues = sorted({region.tissue for region in regions})
@@ -145,36 +130,10 @@ def segmented_tissues(e: Evidence, of: str) -> Fact:
     return {"value": complete and ignored, "tissues": tissues, "muscles": muscles}
 
 
-def regions_and_tissues(e: Evidence, of: str) -> Fact:
-    """Return the numbers of regions, of tissues, and of soft ones."""
-    tissues = {region.tissue for region in e.run.limb.regions}
-    return {"value": [len(e.run.limb.regions), len(tissues), len(tissues - {"bone"})]}
-
-
-def sockets(e: Evidence, of: str) -> Fact:
+def sockets(e: Evidence) -> Fact:
     """Return the names of the sockets that have shapes of their own."""
     shapes = {repr(socket.model_dump(exclude={"name"})): n for n, socket in e.sockets.items()}
     return {"value": list(shapes.values())}
-
-
-def area_lost(e: Evidence, of: str) -> Fact:
-    """Return the share of the limb's area that a socket takes, or that each of them does."""
-    lost = {of: e.area_lost[of]} if of else e.area_lost
-    return {"value": tuple(lost.values()), "each": {n: 100 * each for n, each in lost.items()}}
-
-
-def wall(e: Evidence, of: str) -> Fact:
-    """Return the thickness of the sockets' walls, mm."""
-    walls = tuple(dict.fromkeys(socket.wall_thickness for socket in e.sockets.values()))
-    return {"value": walls}
-
-
-def bare_socket(e: Evidence, of: str) -> Fact:
-    """Return whether the socket is one stiff material, without a liner between it and the skin."""
-    tissues = set(e.any_case().fields.region_tissues.values())
-    law = e.laws["separate"]["socket"]
-    bare = not tissues - {*SUMMARY_TISSUES, "bone", "socket"}
-    return {"value": bare and law["law"] == "hencky", "modulus": law["e"]}
 
 
 def _radial_overlap(skin: ClosedCurve, inner: ClosedCurve) -> NDArray[np.float64]:
@@ -190,7 +149,7 @@ def _radial_overlap(skin: ClosedCurve, inner: ClosedCurve) -> NDArray[np.float64
     return radius(skin) - radius(inner)
 
 
-def overlaps(e: Evidence, of: str) -> Fact:
+def overlaps(e: Evidence) -> Fact:
     """Return the deepest overlap of limb and socket before contact, mm."""
     depth = {name: _radial_overlap(e.skin, face) for name, face in e.inner_faces.items()}
     return {"value": tuple(each.max() for each in depth.values()), "depth": depth}
@@ -207,26 +166,13 @@ def elements(e: Evidence, of: str) -> Fact:
     return {"value": (min(counts), max(counts)), "size": e.settings["size"]}
 
 
-def unknowns(e: Evidence, of: str) -> Fact:
-    """Return whether the unknowns are those of quadratic displacement and linear pressure.
-
-    A displacement of two components at nodes and in a bubble of each cell, and three pressures a
-    cell, add up to the unknowns of the run.
-    """
-    result = e.any_case()
-    n = len(result.fields.cells)
-    same = result.checks.unknowns == 2 * (len(result.fields.points) + n) + 3 * n
-    return {"value": same and result.fields.cells.shape[1] == 6, "n": result.checks.unknowns}
-
-
-def largest_area(e: Evidence, of: str) -> Fact:
-    """Return the tissue with the largest area."""
+def areas(e: Evidence) -> dict[str, float]:
+    """Return the area of each tissue, mm^2, the largest first."""
     area = {tissue: tissue_area(e.any_case().fields, tissue) for tissue in LIMB_TISSUES}
-    order = sorted(area, key=lambda tissue: -area[tissue])
-    return {"value": order[0], "areas": {tissue: area[tissue] for tissue in order}}
+    return {tissue: area[tissue] for tissue in sorted(area, key=lambda name: -area[name])}
 
 
-def shared_nodes(e: Evidence, of: str) -> Fact:
+def shared_nodes(e: Evidence) -> Fact:
     """Return whether the limb is one connected mesh, without two nodes in one place."""
     fields = e.any_case().fields
     cells = fields.cells[_in_limb(fields)]
@@ -242,7 +188,7 @@ def shared_nodes(e: Evidence, of: str) -> Fact:
     return {"value": pieces == 1 and places == len(nodes), **parts}
 
 
-def refined_at_thin_fascia(e: Evidence, of: str) -> Fact:
+def refined_at_thin_fascia(e: Evidence) -> Fact:
     """Return the size of elements in fascia at the bones over that in muscle."""
     fields = e.any_case().fields
     size = np.sqrt(fields.gauss_area.sum(axis=1) * 4 / np.sqrt(3))  # side of an equal triangle
@@ -254,7 +200,7 @@ def refined_at_thin_fascia(e: Evidence, of: str) -> Fact:
     return {"value": fine / coarse, "fine": fine, "coarse": coarse}
 
 
-def other_meshes(e: Evidence, of: str) -> Fact:
+def other_meshes(e: Evidence) -> Fact:
     """Return the runs whose mesh of the limb is not that of the first."""
     if len(e.results) < 2:
         raise NotChecked("needs two runs to compare")
@@ -272,36 +218,27 @@ def other_meshes(e: Evidence, of: str) -> Fact:
 # --- loading, contact, analysis
 
 
-def not_weight_bearing(e: Evidence, of: str) -> Fact:
-    """Return whether there is no load but the socket, at mid-calf."""
-    return {"value": not _loads(e) and "mid-calf" in e.run.limb.title, "inputs": list(e.settings)}
-
-
-def _loads(e: Evidence) -> list[str]:
+def loads(e: Evidence) -> list[str]:
+    """Return the settings that are loads."""
     return [name for name in e.settings if any(word in name for word in LOADS)]
 
 
-def gradual_overclosure(e: Evidence, of: str) -> Fact:
+def gradual_overclosure(e: Evidence) -> Fact:
     """Return whether the overclosure is the only load and is resolved over increments."""
-    loads = [result.steps.load[result.steps.converged] for result in e.results.values()]
-    complete = all(each.is_monotonic_increasing and each.iloc[-1] == 1 for each in loads)
-    counts = sorted({len(each) for each in loads})
-    return {"value": complete and min(counts) > 1 and not _loads(e), "counts": counts}
+    reached = [result.steps.load[result.steps.converged] for result in e.results.values()]
+    complete = all(each.is_monotonic_increasing and each.iloc[-1] == 1 for each in reached)
+    counts = sorted({len(each) for each in reached})
+    return {"value": complete and min(counts) > 1 and not loads(e), "counts": counts}
 
 
-def contact_points(e: Evidence, of: str) -> Fact:
+def contact_points(e: Evidence) -> Fact:
     """Return the number of contact points on an edge of the skin."""
     result = e.any_case()
     edges = _free_edges(result.fields, result.fields.cells_of("skin"))
     return {"value": len(result.line.arc_mm) / len(edges)}
 
 
-def friction(e: Evidence, of: str) -> Fact:
-    """Return the coefficient of friction."""
-    return {"value": e.settings["friction"]}
-
-
-def supports(e: Evidence, of: str) -> Fact:
+def supports(e: Evidence) -> Fact:
     """Return whether the tibia's inner boundary is fixed and the fibula free."""
     fields = e.any_case().fields
     ids = {name: region for region, name in fields.region_names.items()}
@@ -320,24 +257,10 @@ def _free_edges(fields: SectionFields, chosen: NDArray[Any]) -> NDArray[np.int64
     return edges[uses[edges[:, 2]] == 1]
 
 
-def implicit_plane_strain(e: Evidence, of: str) -> Fact:
-    """Return whether the solution is implicit, with a stress across the plane."""
-    iterations = int(e.results.steps.newton_iterations.sum())
-    across = np.abs(e.any_case().fields.stress[..., 2]).max()
-    version = e.run.versions.get("fenics-dolfinx", "")
-    return {"value": iterations > 0 and across > 0, "iterations": iterations, "version": version}
-
-
-def runs(e: Evidence, of: str) -> Fact:
-    """Return the number of runs."""
-    e.need()
-    return {"value": len(e.results)}
-
-
 # --- how maxima are read
 
 
-def missing_quantities(e: Evidence, of: str) -> Fact:
+def missing_quantities(e: Evidence) -> Fact:
     """Return what is missing of contact pressure, and of four quantities of each tissue."""
     found = set(zip(e.results.summary.tissue, e.results.summary["quantity"], strict=True))
     wanted = {(tissue, name) for tissue in SUMMARY_TISSUES for name in (*STRESSES, *STRAINS)}
@@ -355,7 +278,7 @@ def _levels(e: Evidence) -> Iterator[tuple[Quantities, str, str, Maximum]]:
                     yield quantities, tissue, name, quantities.maximum(tissue, name)
 
 
-def maxima_reached(e: Evidence, of: str) -> Fact:
+def maxima_reached(e: Evidence) -> Fact:
     """Return the share of maxima that five nodes and two neighbouring elements reach."""
     reached = []
     for quantities, tissue, name, level in _levels(e):
@@ -375,7 +298,7 @@ def maxima_reached(e: Evidence, of: str) -> Fact:
     return {"value": sum(reached) / len(reached), "reached": sum(reached), "n": len(reached)}
 
 
-def nodal_extremes(e: Evidence, of: str) -> Fact:
+def nodal_extremes(e: Evidence) -> Fact:
     """Return the smallest of the largest nodal values over the maxima reported."""
     spikes = []
     for quantities, tissue, name, level in _levels(e):
@@ -384,7 +307,7 @@ def nodal_extremes(e: Evidence, of: str) -> Fact:
     return {"value": min(spikes), "median": np.median(spikes), "largest": max(spikes)}
 
 
-def contact_spikes(e: Evidence, of: str) -> Fact:
+def contact_spikes(e: Evidence) -> Fact:
     """Return whether spikes of contact pressure at single points do not count."""
     lines = [result.line for result in e.results.values()]
     ratios = [line.pressure_kPa.max() / line.running_mean_kPa.max() for line in lines]
@@ -392,42 +315,17 @@ def contact_spikes(e: Evidence, of: str) -> Fact:
     return {"value": points > 2 and min(ratios) >= 1, "points": points, "largest": max(ratios)}
 
 
-# --- thresholds that are asked for, and the calibration's plate
-
-
-def muscle_threshold(e: Evidence, of: str) -> Fact:
-    """Return the shear strain beyond which muscle counts to the damage risk volume, %."""
-    rows = e.damage
-    areas = {
-        run_name((row.socket, row.material_set)): row.area_mm2
-        for row in rows[rows.tissue == "muscle"].itertuples()
-    }
-    return {"value": e.thresholds.muscle_shear_pct, "areas": areas}
-
-
-def fascia_threshold(e: Evidence, of: str) -> Fact:
-    """Return the strain beyond which fascia counts as damaged, %."""
-    rows = e.damage
-    largest = rows[rows["quantity"] == "tensile_log_strain"].level_pct.max()
-    return {"value": e.thresholds.fascia_strain_pct, "largest": largest}
-
-
-def flat_plate(e: Evidence, of: str) -> Fact:
-    """Return the share of the calibration's plate that is flat between its rounded edges."""
-    given = e.checked_calibration().record.inputs
-    flat = given.plate.width - 2 * given.plate.edge_radius
-    return {"value": flat / given.plate.width, "flat": flat, "given": given}
+def muscle_at_risk(e: Evidence) -> dict[str, float]:
+    """Return the area of muscle beyond its threshold in each run, mm^2."""
+    rows = e.damage[e.damage.tissue == "muscle"]
+    keys = zip(rows.socket, rows.material_set, strict=True)
+    return dict(zip(map(run_name, keys), rows.area_mm2, strict=True))
 
 
 # --- the paper against itself
 
 
-def millimetres_of_mercury(e: Evidence, of: str) -> Fact:
-    """Return a pressure in kPa as mmHg."""
-    return {"value": float(of) / MMHG_KPA}
-
-
-def equation_3(e: Evidence, of: str) -> Fact:
+def equation_3(e: Evidence) -> Fact:
     """Return the share of the rows "Max both" that equation (3) gives from Tables 2 and 4."""
     both = published.changes()
     both = both[both.site == "max_both"]
@@ -441,7 +339,7 @@ def equation_3(e: Evidence, of: str) -> Fact:
     return {"value": n / len(both), "n": n, "of": len(both), "misses": misses}
 
 
-def bold_limits(e: Evidence, of: str) -> Fact:
+def bold_limits(e: Evidence) -> Fact:
     """Return the share of the smallest and largest magnitudes of Tables 2 and 4 that are bold."""
     right = []
     for _, row in published.maxima().groupby(["tissue", "quantity"]):

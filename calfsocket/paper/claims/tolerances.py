@@ -33,6 +33,9 @@ MOST = 0.9
 SEVERAL_HUNDRED_PCT = 200.0
 """Least relative change that is "several hundred percent"."""
 
+MMHG_KPA = 0.133322
+"""A millimetre of mercury, kPa."""
+
 
 def about(ours: float, paper: float, factor: float = ABOUT) -> bool:
     """Whether two magnitudes agree within a factor."""

@@ -8,23 +8,27 @@ from matplotlib.figure import Figure
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import panels
 from calfsocket.report import names
+from calfsocket.report.findings import Findings
+from calfsocket.report.method import stopped
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import Results
 
 KEY_MM = 21.0
 
 
 def case_panels(
-    results: Results, window: drawing.Window, draw: Callable[[Axes, Result], None]
+    findings: Findings, window: drawing.Window, draw: Callable[[Axes, Result], None]
 ) -> Figure:
     """Draw every case in a panel of its own, all to one scale, with room for a key below."""
+    results = findings.results
     sets = results.material_sets
 
     def draw_case(axes: Axes, socket: str, row: int) -> None:
         if (socket, sets[row]) in results:
             draw(axes, results[socket, sets[row]])
         else:
-            axes.text(0.5, 0.5, "not solved", transform=axes.transAxes, ha="center")
+            record = results.unsolved.get((socket, sets[row]))
+            text = stopped(record) or "not solved" if record else "not in the study"
+            axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center")
 
     rows = [f"{names.material_set(name)} set" for name in sets]
-    return panels(results.sockets, rows, window, draw_case, KEY_MM)
+    return panels(findings.socket_titles, rows, window, draw_case, findings.frame, KEY_MM)

@@ -9,7 +9,6 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from shapely import Polygon
 
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import (
@@ -24,7 +23,7 @@ from calfsocket.plotting.style import (
 )
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
-from calfsocket.simulation.results import Results
+from calfsocket.report.findings import Findings
 
 LIMB = "#d9d9d9"
 BONE_DARK = "#8c8c8c"
@@ -37,9 +36,9 @@ Place = NDArray[np.float64]
 """x and y, mm."""
 
 
-def regions(results: Results) -> Figure:
+def regions(findings: Findings) -> Figure:
     """Draw the unloaded limb, its tissues in colour, with a number and a name for every region."""
-    fields = next(iter(results.values())).fields
+    fields = findings.fields
     limb = fields.cells_of(*SUMMARY_TISSUES, "bone")
     points = fields.points
     window = window_around(points[np.unique(fields.cells[limb])], margin_mm=1.0)
@@ -62,7 +61,7 @@ def regions(results: Results) -> Figure:
         )
     drawing.scale_bar(axes, window, fontsize=6.5, margin=0.5)
     _draw_names(figure, fields, names, left=size + 4)
-    compass(figure)
+    compass(figure, findings.frame)
     return figure
 
 
@@ -126,31 +125,31 @@ def _draw_names(figure: Figure, fields: SectionFields, ids: list[int], left: flo
         y -= step
 
 
-def overlays(results: Results) -> Figure:
+def overlays(findings: Findings) -> Figure:
     """Draw the limb and each socket before contact, and where they overlap."""
+    results = findings.results
     section = {socket: results[socket, name].fields for socket, name in reversed(list(results))}
     window = window_around(*(fields.points for fields in section.values()), margin_mm=1.0)
 
     def draw(axes: Axes, socket: str, _: int) -> None:
-        lost = _draw_overlay(axes, section[socket])
-        axes.text(
-            0.5, -0.01, f"encloses {lost:.2f} % less area", transform=axes.transAxes,
-            ha="center", va="top", fontsize=7,
-        )  # fmt: skip
+        _draw_overlay(axes, section[socket])
+        lost = findings.areas.lost[socket]
+        text = f"encloses {abs(lost):.2f} % {'less' if lost > 0 else 'more'} area"
+        text = text if lost else "encloses as much area"
+        axes.text(0.5, -0.01, text, transform=axes.transAxes, ha="center", va="top", fontsize=7)
 
-    figure = panels(results.sockets, [""], window, draw, key=18.0, below=4.0)
-    areas = [
-        Patch(color=LIMB, label="limb"),
-        Patch(color=BONE_DARK, label="bone"),
-        Patch(color=drawing.SOCKET, label="socket"),
-        Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"),
-    ]
+    titles, limb = findings.socket_titles, findings.frame
+    figure = panels(titles, [""], window, draw, limb, key=18.0, below=4.0)
+    tissues = drawing.key(findings.fields, bone=BONE_DARK, socket=drawing.SOCKET)
+    areas = [Patch(color=LIMB, label="limb"), *tissues]
+    if findings.areas.overlap.any():
+        areas.append(Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"))
     legend_at(figure, 3.0, 6.0, areas)
     return figure
 
 
-def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
-    """Draw limb and socket as meshed; return the share of area that the socket takes, %."""
+def _draw_overlay(axes: Axes, fields: SectionFields) -> None:
+    """Draw limb and socket as meshed."""
     points = fields.points
     limb = drawing.limb_boundary(fields, points)
     socket = drawing.boundary(fields.cells[fields.cells_of("socket")], points)
@@ -161,6 +160,3 @@ def _draw_overlay(axes: Axes, fields: SectionFields) -> float:
     inside.set_clip_path(limb, axes.transData)
     for path in (limb, socket):
         drawing.draw_path(axes, path, fill=False, edgecolor=drawing.OUTLINE, linewidth=0.4)
-    outline = max(Polygon(np.asarray(curve)).area for curve in limb.to_polygons())
-    cavity = min(Polygon(np.asarray(curve)).area for curve in socket.to_polygons())
-    return 100 * (outline - cavity) / outline

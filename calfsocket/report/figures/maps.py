@@ -15,10 +15,9 @@ from matplotlib.patches import Patch
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import add_axes, legend_at, window_around
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report.figures.cases import case_panels
+from calfsocket.report.findings import Findings
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import Results
 
 PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
 MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}
@@ -55,16 +54,16 @@ EFFECTIVE_STRESS = Map(
 SHEAR_STRAIN = Map(
     quantity="shear_log_strain",
     label="logarithmic shear strain LE12, %",
-    low=-50.0,  # the level of the damage risk volume
+    low=-50.0,  # the threshold of damage in muscle
     high=50.0,
     colours="RdBu_r",
     beyond="#ffd400",
 )
 
 
-def draw_map(results: Results, what: Map) -> Figure:
+def draw_map(findings: Findings, what: Map) -> Figure:
     """Draw the field of every case on one scale, with the site of each tissue's maximum."""
-    sections = [result.fields.deformed for result in results.values()]
+    sections = [result.fields.deformed for result in findings.results.values()]
     window = window_around(*sections, margin_mm=2.0)
 
     def draw(axes: Axes, result: Result) -> None:
@@ -80,14 +79,14 @@ def draw_map(results: Results, what: Map) -> Figure:
             interpolation="antialiased",
             interpolation_stage="rgba",
         )
-        for tissue in SUMMARY_TISSUES:
+        for tissue in findings.soft_tissues:
             level = result.quantities.maximum(tissue, what.quantity)
-            if level.region:
+            if level.region and level.value:
                 site = deformed_site(result.fields, level.x_mm, level.y_mm)
                 axes.plot(*site, MARKERS[tissue], **MARKER, markersize=3.2, zorder=5)
 
-    figure = case_panels(results, window, draw)
-    _draw_key(figure, what)
+    figure = case_panels(findings, window, draw)
+    _draw_key(figure, what, findings)
     return figure
 
 
@@ -97,7 +96,7 @@ def deformed_site(fields: SectionFields, x_mm: float, y_mm: float) -> np.ndarray
     return np.array([x_mm, y_mm]) + fields.displacement[node]
 
 
-def _draw_key(figure: Figure, what: Map) -> None:
+def _draw_key(figure: Figure, what: Map, findings: Findings) -> None:
     bar = add_axes(figure, 7.0, 7.0, 65.0, 2.6)
     both = what.low < 0
     figure.colorbar(
@@ -110,13 +109,12 @@ def _draw_key(figure: Figure, what: Map) -> None:
     bar.set_title(what.label, fontsize=7.5, pad=3)
     tissues = [
         Line2D([], [], marker=MARKERS[tissue], linestyle="", **MARKER, markersize=3.8, label=tissue)
-        for tissue in SUMMARY_TISSUES
+        for tissue in findings.soft_tissues
     ]
     legend_at(figure, 78.0, 7.5, tissues, title="largest in")
     beyond = f"beyond ±{what.high:g} %" if both else f"above {what.high:g} kPa"
     areas = [
         Patch(color=what.beyond, label=beyond),
-        Patch(color=drawing.BONE, label="bone"),
-        Patch(color=drawing.SOCKET, label="socket"),
+        *drawing.key(findings.fields, bone=drawing.BONE, socket=drawing.SOCKET),
     ]
     legend_at(figure, 78.0, 2.0, areas)

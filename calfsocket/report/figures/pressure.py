@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -16,17 +17,21 @@ from calfsocket.plotting.style import legend_at, window_around
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
 from calfsocket.report.figures.cases import case_panels
 from calfsocket.report.figures.geometry import BONE_DARK, LIMB
+from calfsocket.report.findings import Findings
 from calfsocket.simulation.result import Result
-from calfsocket.simulation.results import Results
 
-HIGHEST_BAND_MM = 26.0
+HIGHEST_BAND = 0.25
+"""Height of the band at the largest pressure, as a share of the limb's size."""
+
 PEAK: dict[str, Any] = {"marker": "o", "linestyle": "", "color": drawing.ABOVE, "markersize": 3.4}
 
 
-def contact_pressure(results: Results) -> Figure:
+def contact_pressure(findings: Findings) -> Figure:
     """Draw the pressure of every case on one scale, the point of the largest mean over 3 mm."""
+    results = findings.results
     highest = max(result.line.pressure_kPa.max() for result in results.values())
-    mm_per_kPa = HIGHEST_BAND_MM / highest if highest else 1.0
+    size = max(np.ptp(result.line.points, axis=0).max() for result in results.values())
+    mm_per_kPa = HIGHEST_BAND * size / highest if highest else 1.0
     levels = [level for level in MaxNLocator(3).tick_values(0.0, highest) if 0 < level <= highest]
 
     bands = {}
@@ -47,28 +52,28 @@ def contact_pressure(results: Results) -> Figure:
         band.draw(axes, levels, fontsize=6)
         smooth = result.line.running_mean_kPa
         peak = int(np.argmax(smooth))
-        x, y = band.at(band.pressure_kPa)[peak]
-        axes.plot(x, y, **PEAK, zorder=6)
+        if smooth[peak]:
+            axes.plot(*band.at(band.pressure_kPa)[peak], **PEAK, zorder=6)
         mean = result.contact_levels["contact_pressure_mean"].value
         share = result.contact_levels["contact_share"].value
-        x, y = limb.get_extents().get_points().mean(axis=0)
+        extent = limb.get_extents()
+        x, y = extent.get_points().mean(axis=0)
         axes.text(
-            x, y - 22,
+            x, y - 0.3 * extent.height,
             f"largest {smooth[peak]:.1f} kPa\nmean {mean:.1f} kPa\n{share:.3g} % in contact",
             ha="center", va="center", fontsize=6.5, zorder=5, linespacing=1.4,
         )  # fmt: skip
 
-    figure = case_panels(results, window, draw)
-    pressure = [
-        pressure_band.key("contact pressure, drawn outward from the skin"),
-        Line2D([], [], **pressure_band.LEVEL_LINE, label="lines of equal pressure, kPa"),
-    ]
-    largest = f"largest running mean over {RUNNING_MEAN_MM:g} mm"
-    rest = [
-        Line2D([], [], **PEAK, label=largest),
-        Patch(color=LIMB, label="limb"),
-        Patch(color=BONE_DARK, label="bone"),
-    ]
-    legend_at(figure, 2.0, 11.0, pressure)
+    figure = case_panels(findings, window, draw)
+    bone = drawing.key(findings.fields, bone=BONE_DARK)
+    rest: list[Artist] = [Patch(color=LIMB, label="limb"), *bone]
+    if highest:
+        label = f"largest running mean over {RUNNING_MEAN_MM:g} mm"
+        rest.insert(0, Line2D([], [], **PEAK, label=label))
+        pressure = [
+            pressure_band.key("contact pressure, drawn outward from the skin"),
+            Line2D([], [], **pressure_band.LEVEL_LINE, label="lines of equal pressure, kPa"),
+        ]
+        legend_at(figure, 2.0, 11.0, pressure)
     legend_at(figure, 2.0, 5.0, rest)
     return figure

@@ -1,5 +1,6 @@
 """Templates of the page and its parts, and how they are filled."""
 
+import re
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -7,23 +8,49 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from calfsocket.report import names
+from calfsocket.report.words import change, changes, listed, number
 
-def render(template: str, package: str = "calfsocket.report.templates", **values: Any) -> Markup:
-    """Fill a template of a package; values are escaped."""
-    return Markup(_environment(package).get_template(template).render(**values))
+PACKAGE = "calfsocket.report.templates"
 
 
-def read(name: str, package: str = "calfsocket.report.templates") -> str:
-    """Read a file beside the templates."""
-    return (files(package) / name).read_text(encoding="utf-8")
+def render(template: str, package: str = PACKAGE, **values: Any) -> Markup:
+    """Fill a template of this package, or of another whose templates extend these.
+
+    Values are escaped.
+    """
+    text = environment(package).get_template(template).render(**values)
+    return Markup(re.sub(r"\s*\n\s*", "\n", text))
+
+
+def tidy(text: str) -> str:
+    """Return a text on one line, without blanks before commas and full stops."""
+    return re.sub(r"\s+(?=[,.;:)])", "", " ".join(text.split()))
+
+
+def read(name: str, package: str = PACKAGE) -> str | None:
+    """Read a file beside the templates; None where there is none."""
+    path = files(package) / name
+    return path.read_text(encoding="utf-8") if path.is_file() else None
 
 
 @cache
-def _environment(package: str) -> Environment:
-    return Environment(
-        loader=FunctionLoader(lambda name: read(name, package)),
+def environment(package: str) -> Environment:
+    """Return the environment of a package's templates, with the filters that all have."""
+    made = Environment(
+        loader=FunctionLoader(lambda name: read(name, package) or read(name)),
         autoescape=True,
         undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
     )
+    made.filters |= {
+        "number": number,
+        "change": change,
+        "changes": changes,
+        "listed": listed,
+        "set": names.material_set,
+        "region": names.region,
+        "tissue": names.TISSUES.get,
+        "quantity": names.QUANTITIES.get,
+        "upper_first": lambda text: text[:1].upper() + text[1:],
+    }
+    return made

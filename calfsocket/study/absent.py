@@ -1,0 +1,55 @@
+"""Keys of study files that one may look for, and that this version does not have."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from calfsocket.io.errors import InputError
+
+_LOADS = "loads are not implemented: a limb is loaded by its socket alone, and held at the tibia"
+_LINERS = (
+    "liners are not implemented: the socket's inner face touches the skin; `friction` is that of "
+    "the two"
+)
+_PRESSURES = (
+    "prescribed pressures are not implemented: contact pressure is a result of the socket's shape"
+)
+_TIME = "time is not implemented: a result is an equilibrium, and `steps` are shares of the load"
+
+ABSENT = {
+    **dict.fromkeys(
+        ("load", "loads", "force", "forces", "weight", "body_weight", "torque", "moment"), _LOADS
+    ),
+    **dict.fromkeys(("shear", "shear_force", "axial", "axial_load", "displacement"), _LOADS),
+    **dict.fromkeys(("liner", "liners", "sock", "socks", "interface", "liner_thickness"), _LINERS),
+    **dict.fromkeys(("pressure", "pressures", "vacuum", "suction"), _PRESSURES),
+    **dict.fromkeys(("time", "times", "duration", "gait", "viscosity", "density"), _TIME),
+}
+"""What is said of each of them."""
+
+_OF_LAWS = ("materials", "laws")
+"""Tables whose keys are names of sets, tissues and regions, which may be any."""
+
+
+def refuse_word(key: str) -> None:
+    """Raise an InputError for a key that this version does not have."""
+    if key in ABSENT:
+        raise InputError(f"{key}: {ABSENT[key]}")
+
+
+def refuse_absent(content: Mapping[str, Any]) -> None:
+    """Refuse keys of a study file that this version does not have.
+
+    Raises
+    ------
+    InputError
+        That names the key and says what is done in its place.
+    """
+    for key, table in content.items():
+        refuse_word(key)
+        if key in _OF_LAWS or not isinstance(table, Mapping):
+            continue
+        inner = {f"sockets.{name}": of for name, of in table.items()} if key == "sockets" else {}
+        for place, values in (inner or {key: table}).items():
+            for word in values if isinstance(values, Mapping) else ():
+                if word in ABSENT:
+                    raise InputError(f"{place}.{word}: {ABSENT[word]}")

@@ -1,0 +1,74 @@
+"""Writes reports with small figures and reads them as people do."""
+
+import html
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from calfsocket.paper.guest import guest
+from calfsocket.report import page as pages
+from calfsocket.report.figures import maps
+from calfsocket.report.findings import Findings
+from calfsocket.report.write import Guest, write_report
+from calfsocket.simulation.results import Results
+
+ENDS = "p|li|h1|h2|h3|tr|figcaption|section|nav|div|title"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report: the page's text, one paragraph, row or caption a line, and what figures say."""
+
+    text: str
+    drawn: dict[str, list[str]]
+
+    @property
+    def answer(self) -> dict[str, str]:
+        """Topic -> what the answer says on it."""
+        part = self.text.partition("\nThe answer\n")[2].partition("\nNothing here is")[0]
+        lines = [line.partition(". ") for line in part.splitlines()]
+        return {topic: text for topic, _, text in lines if text}
+
+    @property
+    def everything(self) -> str:
+        """All words, of the page and of its figures."""
+        return "\n".join([self.text, *(text for texts in self.drawn.values() for text in texts)])
+
+
+def written(results: Results, invite: Callable[[Findings], Guest | None] = guest) -> Report:
+    """Write the report of results into their folder and read it."""
+    drawn: dict[str, list[str]] = {}
+
+    def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
+        # an axis that is not shown still has its ticks
+        drawn[name] = [
+            text.get_text()
+            for text in figure.findobj(Text)
+            if (text.get_text() and (text.axes is None or text.axes.axison))
+            or text in (text.axes.texts if text.axes else ())
+        ]  # fmt: skip
+        folder.mkdir(parents=True, exist_ok=True)
+        png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
+        figure.savefig(png, dpi=40)
+        pdf.write_bytes(b"%PDF-1.4")
+        return png, pdf
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pages, "save", save)
+        patch.setattr(maps, "PIXELS", 100)
+        page = write_report(results, invite)
+    return Report(plain(page.read_text(encoding="utf-8")), drawn)
+
+
+def plain(page: str) -> str:
+    """Return the text of a page."""
+    page = re.sub(r"<style>.*?</style>", "", page.replace("\n", " "))
+    page = re.sub(rf"</(?:{ENDS})>", "\n", page)
+    page = re.sub(r"</t[hd]>", " | ", page)
+    text = html.unescape(re.sub(r"<[^>]+>", "", page))
+    return "\n".join(" ".join(line.split()) for line in text.splitlines() if line.split())
