@@ -286,8 +286,11 @@ def _how(groups: Sequence[Sequence[Piece]]) -> str:
     """Return how the first of several curves would be chosen."""
     first = groups[0][0]
     layers = {piece.layer for group in groups for piece in group}
-    ways = [f"curve = '{first.name}'"] if first.name else []
+    named = [group for group in groups if any(piece.name == first.name for piece in group)]
+    ways = [f"curve = '{first.name}'"] if first.name and len(named) == 1 else []
     ways += [f"layer = '{first.layer}'"] if first.layer and len(layers) > 1 else []
+    if len(named) > 1 and first.name:
+        return f"break {first.place} apart first" + (f"; or {ways[0]}" if ways else "")
     return f"e.g. {' or '.join(ways)}" if ways else "by an id that you give it"
 
 

@@ -45,14 +45,15 @@ FIBULA = 270.0, 15.0
 
 
 class SplineCurve(Strict):
-    """Closed C2 periodic cubic spline through the points, mm."""
+    """Closed C2 periodic cubic spline through the points, mm, in either direction."""
 
     type: Literal["spline"]
     points: Points
 
     def closed_curve(self) -> ClosedCurve:
-        """Return the curve."""
-        return curves.through(self.points)
+        """Return the curve, counter-clockwise: mirrored limbs have theirs clockwise."""
+        clockwise = not shapely.LinearRing(self.points).is_ccw
+        return curves.through(self.points[:1] + self.points[:0:-1] if clockwise else self.points)
 
 
 class EllipseCurve(Strict):
@@ -385,11 +386,12 @@ class Limb(Strict):
         if not self.frame.known:
             place = _fibula(self, limb_curves(self))
             wrong = place is not None and not _can_be_fibula(self.frame, place)
+            x, y = _likely_axes(self, place)
             yield (
                 "no axes are given, so sides are called +x and +y, and angles of sockets count"
                 " from +x counter-clockwise"
                 + (", which by the fibula is not lateral by anterior" if wrong else "")
-                + "; add e.g. axes = {'+x': 'lateral', '+y': 'anterior'}"
+                + f'; add e.g. "axes": {{"+x": "{x}", "+y": "{y}"}}'
             )
         elif self.side and not self.seen_from and self.frame.view(self.side) == "below":
             yield f"with these axes it is a {self.side} limb seen from below"
@@ -470,11 +472,25 @@ def _can_be_fibula(frame: Frame, place: Array) -> bool:
     return angle >= first or angle <= last
 
 
+def _likely_axes(limb: Limb, fibula: Array | None) -> tuple[Direction, Direction]:
+    """Return axes that agree with what is known of a limb, anterior up where that is possible."""
+    upright: list[tuple[Direction, Direction]] = [
+        ("lateral", "anterior"),
+        ("medial", "anterior"),
+        ("lateral", "posterior"),
+        ("medial", "posterior"),
+    ]
+    for x, y in upright + [(y, x) for x, y in upright]:
+        frame = Frame(x, y)
+        seen = limb.side is None or frame.view(limb.side) == (limb.seen_from or "above")
+        if seen and (fibula is None or _can_be_fibula(frame, fibula)):
+            return x, y
+    return upright[0]
+
+
 def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
     """Raise an InputError unless curves are simple, disjoint and nested as the regions say."""
     for name, curve in loops.items():
-        if curve.area <= 0:
-            raise InputError(f"curves.{name}: runs clockwise; reverse its points")
         crossing = curves.crossing_of(curve)
         if crossing is not None:
             raise InputError(

@@ -117,6 +117,11 @@ def _named(path: Path, header: list[_Row], data: list[_Row]) -> tuple[list[int],
             raise InputError(
                 f"{path}, line {row}: has {len(values)} {'cell' if len(values) == 1 else 'cells'};"
                 f" its header names {len(cells)}"
+                + (
+                    "; decimal commas need semicolons between cells"
+                    if len(values) == 2 * len(cells)
+                    else ""
+                )
             )
     said = {
         m[3] or (m[4] if str(m[4]).lower() in _UNITS else "")

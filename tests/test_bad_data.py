@@ -26,6 +26,9 @@ TRIALS = (
     # Columns
     Trial("no stress", f"stretch, time\n{GOOD}",
           ("no column of engineering_stress, cauchy_stress", "has stretch, time")),
+    Trial("a machine's words before a header of other names",
+          "Specimen 12\n\nTime\tDehnung\tSpannung\ns\t%\tkPa\n0\t0\t0\n1\t5\t1\n",
+          ("no column of stretch, strain", "has Time, Dehnung, Spannung")),
     Trial("no stretch", f"time [s], stress [kPa]\n{GOOD}",
           ("no column of stretch, strain", "has time [s], stress [kPa]")),
     Trial("force over displacement", f"Extension (mm);Force (N)\n{GOOD.replace(', ', ';')}",

@@ -179,7 +179,7 @@ TRIALS = (
     Trial(
         "decimal commas in quotes between commas",
         ("a.csv", "x,y\n" + "".join(f'"{x:.1f}","{y:.1f}"\n'.replace(".", ",") for x, y in CIRCLE)),
-        ("line 2: has 4 cells; its header names 2",),
+        ("line 2: has 4 cells; its header names 2; decimal commas need semicolons",),
     ),
     Trial(
         "a cut that is not flat",
@@ -386,7 +386,7 @@ TRIALS = (
     Trial(
         "inner and outer face in one path",
         ("a.svg", svg(f'<path id="wall" d="{RING}"/>')),
-        ("contains 2 outlines (path wall, 346 mm; path wall, 377 mm)",),
+        ("contains 2 outlines (path wall, 346 mm; path wall, 377 mm)", "break path wall apart"),
     ),
     Trial(
         "a rectangle as a path",

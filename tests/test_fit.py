@@ -210,6 +210,14 @@ def test_a_law_of_another_shape_is_said():
     assert seen / 200 < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 200)
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.0, False), (0.01, False), (0.03, True)])
+def test_a_preload_is_said(share, said):
+    data = made_test(tissues.MUSCLE, noise=1e-3, rng=np.random.default_rng(1))
+    preloaded = replace(data, stress=data.stress + share * np.max(data.stress))
+    notes = notes_of(fit(family("ogden", 1), [preloaded]))
+    assert any("at a stretch of 1" in note for note in notes) == said
+
+
 def test_terms_that_coincide_and_searches_that_do_not_end_are_said():
     # Coefficients of either sign: two equal terms share their modulus in any way.
     data = made_test(tissues.MUSCLE, noise=0.02, rng=np.random.default_rng(1))

@@ -142,6 +142,14 @@ def test_a_minimal_limb_needs_no_more_than_curves_and_regions(tmp_path: Path) ->
     assert "no axes are given, so sides are called +x and +y" in notice
 
 
+@pytest.mark.parametrize("name", MOVED)
+def test_axes_that_are_proposed_are_accepted(name: str, tmp_path: Path) -> None:
+    content = moved_calf(*MOVED[name]) | {"axes": {}}
+    (notice,) = (each for each in of_file(content, tmp_path).notices() if "no axes" in each)
+    proposed = json.loads(f"{{{notice.partition('e.g. ')[2]}}}")
+    assert of_file(content | proposed, tmp_path).frame.known
+
+
 def test_what_is_not_used_of_a_limb_is_named() -> None:
     content = calf_content() | {"fat_law": "linear", "topology": "nested"}
     content["axes"]["origin"] = "centroid"

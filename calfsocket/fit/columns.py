@@ -82,7 +82,8 @@ class Columns:
             if line.strip(";,") and not line.startswith(("#", "sep="))  # a spreadsheet's mark
         ]
         # Machines may write about the test first.
-        start = next((i for i, (_, line) in enumerate(numbered[:FIRST]) if self._heads(line)), 0)
+        heads = (i for i, (_, line) in enumerate(numbered[:FIRST]) if self._heads(line))
+        start = next(heads, _likely_header([line for _, line in numbered[:FIRST]]))
         self.lines = [number for number, _ in numbered[start + 1 :]]
         self._check_data()
         table = self._table([line for _, line in numbered[start:]])
@@ -236,6 +237,13 @@ class Columns:
                 hint = " (the file has decimal points and commas)" if "," in cell else ""
                 raise self.wrong(f"{name} is {cell!r}; give a finite number{hint}", line)
         return np.asarray(values * scale)
+
+
+def _likely_header(lines: list[str]) -> int:
+    """Return which line has the names, where none is known: the first as wide as the numbers."""
+    cells = [[cell.strip(' "') for cell in line.split(_separator(line))] for line in lines]
+    data = next((i for i, row in enumerate(cells) if all(map(_is_number, row))), 0)
+    return next((i for i, row in enumerate(cells) if len(row) == len(cells[data])), 0)
 
 
 def _separator(header: str) -> str | None:

@@ -32,7 +32,13 @@ MEASURES: tuple[Measure, ...] = get_args(Measure)
 
 DEFORMATIONS: dict[str, tuple[str, ...]] = {
     "stretch": ("stretch_ratio", "extension_ratio", "lambda", "λ"),
-    "strain": ("engineering_strain", "eng_strain", "nominal_strain", "tensile_strain"),
+    "strain": (
+        "engineering_strain",
+        "eng_strain",
+        "nominal_strain",
+        "tensile_strain",
+        "axial_strain",
+    ),
     "true_strain": ("log_strain", "logarithmic_strain"),
     "shear_strain": ("amount_of_shear", "shear", "gamma", "\u03b3"),
     "shear_angle": ("angle_of_shear",),
@@ -44,7 +50,7 @@ STRESSES: dict[str, tuple[str, ...]] = {
     "engineering_stress": ("eng_stress", "nominal_stress", "first_piola_kirchhoff_stress"),
     "cauchy_stress": ("true_stress",),
     "shear_stress": (),
-    "stress": ("tensile_stress", "sigma", "\u03c3"),
+    "stress": ("tensile_stress", "axial_stress", "sigma", "\u03c3"),
 }
 """Columns of the stress, and other names for them."""
 

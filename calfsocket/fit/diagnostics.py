@@ -7,16 +7,26 @@ from scipy import stats
 
 from calfsocket.fit.regression import LEVEL, Fit
 from calfsocket.materials.stability import StableRange
+from calfsocket.materials.tissues import KPA
 
 CONDITION_LIMIT = 1e6
 """Condition number above which terms are nearly redundant: variances go with its square, so that
 twelve of their sixteen digits are lost."""
 
 
+UNLOADED = 1e-3
+"""How near to 1 a stretch counts as unloaded: the elongation that an extensometer resolves."""
+
+PRELOAD = 0.02
+"""Share of the largest stress from which one at a stretch of 1 is no noise: load cells have 0.5 %
+of their range, of which a test of soft tissue uses a part."""
+
+
 def diagnostics(fit: Fit, stable: Sequence[StableRange]) -> list[str]:
     """Return sentences about what the data do not determine and where the law is not stable."""
     return [
         *_data(fit),
+        *_preload(fit),
         *_searches(fit),
         *_misfit(fit),
         *_patterns(fit),
@@ -31,6 +41,21 @@ def _data(fit: Fit) -> list[str]:
         for test in fit.tests
         if test.unused
     ]
+
+
+def _preload(fit: Fit) -> list[str]:
+    """Find stresses at a stretch of 1 that are no noise: there every law has none."""
+    found = []
+    for test in fit.tests:
+        unloaded = test.stress[np.argmin(np.abs(test.stretch - 1))]
+        share = abs(unloaded) / np.max(np.abs(test.stress))
+        if np.min(np.abs(test.stretch - 1)) <= UNLOADED and share > PRELOAD:
+            found.append(
+                f"The stress of {test.path.name} is {unloaded / KPA:.3g} kPa at a stretch of 1, "
+                f"{share:.0%} of the largest, where the law has none: a preload, or a sensor that "
+                "was not at zero. Count stretch and stress from the unloaded length."
+            )
+    return found
 
 
 def _searches(fit: Fit) -> list[str]:

@@ -98,7 +98,8 @@ def _parsing(path: Path) -> Iterator[None]:
     try:
         yield
     except ValueError as error:  # another format, a repeated key, a number of 5000 digits
-        raise InputError(f"{path}: {error}") from error
+        kind = "is not JSON: " if isinstance(error, json.JSONDecodeError) else ""
+        raise InputError(f"{path}: {kind}{error}") from error
     except RecursionError as error:
         raise InputError(f"{path}: has too many levels of nesting") from error
 

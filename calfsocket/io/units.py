@@ -12,7 +12,7 @@ from functools import cache
 
 import pint
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s,].*?)?\s*")
 
 _POWERS = (("²", "2"), ("⁻¹", "-1"), ("**", ""), ("^", ""))
 """Marks of powers, and what is left of them when spellings are compared."""
@@ -55,7 +55,7 @@ class Dimension:
         """Value of a text such as ``"12 kPa"`` in the internal unit; else a ValueError."""
         found = _QUANTITY.fullmatch(text) if isinstance(text, str) else None
         if not found:
-            example = f'"12 {self.allowed[0]}"'
+            example = f'"1.2 {self.allowed[0]}"'
             raise ValueError(f"{text!r} is not a number with a unit; write e.g. {example}")
         return float(Decimal(found[1]) * self.factor(found[2] or ""))
 

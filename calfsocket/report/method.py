@@ -22,6 +22,7 @@ SETTINGS = {
     "friction": "friction coefficient",
     "gamma": "Nitsche's stiffness gamma, MPa/mm",
     "gamma_t": "its tangential part gamma_t, MPa/mm",
+    "gauss_points": "Gauss points on a skin edge",
     "first": "first load step",
     "largest": "largest load step",
     "smallest": "smallest load step",

@@ -1,11 +1,13 @@
-"""Keys of study files that one may look for, and that this version does not have."""
+"""Keys that one may look for in study files, which do not have them."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from calfsocket.io.errors import InputError
 
-_LOADS = "loads are not implemented: a limb is loaded by its socket alone, and held at the tibia"
+_LOADS = (
+    "loads are not implemented: a limb is loaded by its socket alone, and held at `fixed_boundary`"
+)
 _LINERS = (
     "liners are not implemented: the socket's inner face touches the skin; `friction` is that of "
     "the two"
@@ -14,6 +16,7 @@ _PRESSURES = (
     "prescribed pressures are not implemented: contact pressure is a result of the socket's shape"
 )
 _TIME = "time is not implemented: a result is an equilibrium, and `steps` are shares of the load"
+_OF_THE_LIMB = "belongs in the limb's own file, which `limb` in the table [study] names"
 
 ABSENT = {
     **dict.fromkeys(
@@ -23,6 +26,7 @@ ABSENT = {
     **dict.fromkeys(("liner", "liners", "sock", "socks", "interface", "liner_thickness"), _LINERS),
     **dict.fromkeys(("pressure", "pressures", "vacuum", "suction"), _PRESSURES),
     **dict.fromkeys(("time", "times", "duration", "gait", "viscosity", "density"), _TIME),
+    **dict.fromkeys(("side", "axes", "seen_from"), _OF_THE_LIMB),
 }
 """What is said of each of them."""
 
@@ -31,13 +35,13 @@ _OF_LAWS = ("materials", "laws")
 
 
 def refuse_word(key: str) -> None:
-    """Raise an InputError for a key that this version does not have."""
+    """Raise an InputError for a key that study files do not have."""
     if key in ABSENT:
         raise InputError(f"{key}: {ABSENT[key]}")
 
 
 def refuse_absent(content: Mapping[str, Any]) -> None:
-    """Refuse keys of a study file that this version does not have.
+    """Refuse keys that study files do not have.
 
     Raises
     ------

@@ -182,6 +182,26 @@ class Document(Strict):
     cases: tuple[CaseTable, ...] = ()
     sweep: Sweep | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_their_tables(cls, data: Any) -> Any:
+        """Say where a key belongs that stands above the tables, or in another one."""
+        content = data if isinstance(data, dict) else {}
+        tables: dict[str, type[Strict]] = {
+            "": cls,
+            "study": StudyTable,
+            "model": ModelTable,
+            "steps": LoadSteps,
+        }
+        for place, table in tables.items():
+            written = content.get(place) if place else content
+            for key in written if isinstance(written, dict) else ():
+                homes = [name for name, each in tables.items() if key in each.model_fields]
+                if homes and key not in table.model_fields:
+                    where = f"the table [{homes[0]}]" if homes[0] else "a table of its own"
+                    raise ValueError(f"{place}{place and '.'}{key}: belongs in {where}; move it")
+        return data
+
     @field_validator("sockets")
     @classmethod
     def _not_a_reference(cls, value: dict[str, Any]) -> dict[str, Any]:
