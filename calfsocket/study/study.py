@@ -223,7 +223,8 @@ class Study:
             log.info("results go to %s", folder)
             runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
             runner.run(resume)
-        return load_results(folder)
+            # Before another run may begin to replace them.
+            return load_results(folder)
 
 
 def variants() -> dict[str, dict[str, Any]]:
