@@ -139,4 +139,6 @@ def _versions(run: StudyRecord) -> Table:
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if value is None:  # of `LoadSteps.extrapolate`
+        return "with combined sets alone"
     return f"{value:g}" if isinstance(value, float) else str(value)
