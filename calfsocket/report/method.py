@@ -140,5 +140,5 @@ def _text(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:  # of `LoadSteps.extrapolate`
-        return "with combined sets alone"
+        return "as by default"
     return f"{value:g}" if isinstance(value, float) else str(value)
