@@ -34,7 +34,7 @@ def tilted_map() -> tuple[Phantom, np.ndarray, np.ndarray]:
 
 def nrrd(path: Path, labels: np.ndarray, affine: np.ndarray, space: str = "LPS") -> Path:
     """Write an NRRD file; the limb's x, y, z become left, posterior, superior."""
-    to = np.diag([-1.0, -1, 1]) if space == "LPS" else np.eye(3)
+    to = np.diag({"LPS": [-1.0, -1, 1], "LAS": [-1.0, 1, 1]}.get(space, [1.0, 1, 1]))
     vectors = " ".join("(" + ",".join(map(str, to @ v)) + ")" for v in affine[:, :3].T)
     origin = "(" + ",".join(map(str, to @ affine[:, 3])) + ")"
     header = (
@@ -89,6 +89,14 @@ def table(folder: Path, text: str = TABLE) -> Path:
     path = folder / "labels.csv"
     path.write_text(text)
     return path
+
+
+def test_axes_that_are_left_handed_do_not_mirror_the_limb(tmp_path: Path) -> None:
+    phantom, labels, affine = tilted_map()
+    path = nrrd(tmp_path / "a.nrrd", labels, affine, "LAS")
+    limb = cs.Limb.from_labels(path, table(tmp_path), tissues="lumped")
+    assert limb.side == "right"
+    assert differences(limb, phantom, 0.5)["skin"][1] < 0.8
 
 
 @pytest.mark.parametrize(

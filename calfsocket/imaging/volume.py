@@ -235,7 +235,8 @@ def _nrrd(path: Path) -> _Read:
     if space in ("right-anterior-superior", "ras"):
         return raw, affine, _RAS
     if space in ("left-anterior-superior", "las"):
-        return raw, affine, _RAS
+        # Left-handed: x is turned around, or the limb would be one of the other side.
+        return raw, affine * np.array([[-1.0], [1.0], [1.0]]), _RAS
     return raw, affine, None
 
 
