@@ -99,20 +99,20 @@ def fair(
         places = np.linspace(0, 1, _PLACES, endpoint=False)
         share = places[cKDTree(fit.spline(best)(places)).query(points)[1]]
 
-    def at(weight: float) -> tuple[Array, Array]:
+    def at(weight: float) -> tuple[Array, ClosedCurve, Array]:
         found = fit.spline(weight)(np.arange(number) / number)
         curve = curves.through(found)
         off = cKDTree(curve.evaluate(curve.sample(0.05))).query(sides)[0]
-        return found, np.maximum(off - arcs, 0.0)
+        return found, curve, np.maximum(off - arcs, 0.0)
 
-    if at(best)[1].max() > tolerance:
+    if at(best)[2].max() > tolerance:
         # What is noise on the whole may be shape at one place.
         closer = (float(weight) for weight in _WEIGHTS[_WEIGHTS < best][::-1])
-        best = next((weight for weight in closer if at(weight)[1].max() <= tolerance), best)
+        best = next((weight for weight in closer if at(weight)[2].max() <= tolerance), best)
     for weight in _WEIGHTS[_WEIGHTS >= best]:
-        found, distance = at(weight)
+        found, curve, distance = at(weight)
         worst = int(np.argmax(distance))
-        if distance[worst] > tolerance or _is_smooth(curves.through(found), radius):
+        if distance[worst] > tolerance or _is_smooth(curve, radius):
             break
     return found, float(distance[worst]), sides[worst]
 

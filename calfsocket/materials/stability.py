@@ -13,6 +13,7 @@ that laws, which have mu_0 > 0, are stable there.
 Drucker 1959, doi:10.1115/1.4012025; the same test as Abaqus makes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -87,7 +88,7 @@ def instability(law: Law) -> str:
     ranges = [r for r in stable_ranges(law) if r.words]
     if not ranges:
         return ""
-    where = "; in ".join(r.words for r in ranges)
+    where = _places(ranges)
     low, high = SOCKET_STRETCHES
     if all(r.holds(SOCKET_STRETCHES) for r in ranges):
         return (
@@ -105,8 +106,14 @@ def unstable_at_small_strain(law: Law) -> str:
     ranges = [r for r in stable_ranges(law) if not r.holds(SMALL)]
     if not ranges:
         return ""
-    where = "; in ".join(r.words for r in ranges)
-    return f"loses stability (Drucker) at small strain, in {where}: no limb can be solved with it"
+    return (
+        f"loses stability (Drucker) at small strain, in {_places(ranges)}: no limb can be solved "
+        "with it"
+    )
+
+
+def _places(ranges: Sequence[StableRange]) -> str:
+    return "; in ".join(each.words for each in ranges)
 
 
 def tangents(law: Law, mode: Mode, stretch: ArrayLike) -> Array:

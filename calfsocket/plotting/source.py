@@ -32,7 +32,7 @@ def draw_source(limb: Limb, data: Mapping[str, NDArray[np.float64]], path: Path)
     """
     with type_set():
         figure = Figure(figsize=(_INCHES, _INCHES), dpi=_DPI)
-        axes = figure.add_axes((0.02, 0.02, 0.96, 0.9))
+        axes = figure.add_axes((0.02, 0.06, 0.96, 0.9))
         low, high = _extent(data)
         window = (low[0], high[0], low[1], high[1])
         _fill(axes, limb)
@@ -48,11 +48,11 @@ def draw_source(limb: Limb, data: Mapping[str, NDArray[np.float64]], path: Path)
                 *(Patch(facecolor=drawing.TISSUE_COLOURS[each], label=each) for each in tissues),
                 Line2D([], [], color=_SOURCE, marker=".", markersize=4, label="source"),
             ],
-            loc="upper right",
+            loc="lower center",
             ncols=len(tissues) + 1,
             frameon=False,
         )
-        figure.text(0.02, 0.955, limb.title, fontsize=8.5, parse_math=False)
+        figure.text(0.02, 0.97, limb.title, fontsize=8.5, parse_math=False)
         with replacing(path) as temporary:
             figure.savefig(temporary, facecolor="white")
 
