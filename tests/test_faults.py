@@ -372,6 +372,33 @@ def test_a_limit_on_the_size_of_files(unbroken, tmp_path):
     assert "Traceback" not in errors
 
 
+FREED = """
+import signal, sys, time
+from calfsocket.parallel.abort import exit_code, handle_termination
+
+class Freed:
+    def __del__(self):
+        signal.raise_signal({number})
+
+handle_termination()
+freed = Freed()
+try:
+    del freed
+    time.sleep(10)
+except KeyboardInterrupt as interrupt:
+    sys.exit(exit_code(interrupt))
+"""
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_while_an_object_is_freed_is_not_lost(number, code):
+    """Python drops an exception there, with a traceback, and would go on."""
+    command = [sys.executable, "-c", FREED.format(number=int(number))]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert process.returncode == code
+    assert process.stderr == ""
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_ctrl_c_ends_it_with_one_line(number, code, unbroken, tmp_path):
     out = tmp_path / "results"

@@ -3,6 +3,7 @@
 import signal
 import sys
 import time
+from threading import Timer
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
@@ -18,6 +19,9 @@ PATIENCE_S = 5.0
 LISTENING_S = 0.5
 """How long a failed rank lets another print the message instead; mpirun kills after a second."""
 
+REPEAT_S = 0.01
+"""After what time a signal is sent again that Python has dropped."""
+
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM asked the process to end: mpirun sends it after Ctrl-C, and batch systems do."""
@@ -30,11 +34,25 @@ def handle_termination() -> None:
         raise Terminated
 
     signal.signal(signal.SIGTERM, terminate)
+    sys.unraisablehook = _repeat_interrupt
+
+
+def _repeat_interrupt(lost: "sys.UnraisableHookArgs") -> None:
+    """Send a signal again that came while an object was freed, where Python drops exceptions."""
+    if isinstance(lost.exc_value, KeyboardInterrupt):
+        # From another thread, and later: raised in here, it would be dropped as well.
+        Timer(REPEAT_S, signal.raise_signal, [_signal_of(lost.exc_value)]).start()
+    else:
+        sys.__unraisablehook__(lost)
+
+
+def _signal_of(interrupt: KeyboardInterrupt) -> signal.Signals:
+    return signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT
 
 
 def exit_code(interrupt: KeyboardInterrupt) -> int:
     """Return the exit code that shells use for a program ended by this signal."""
-    return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
+    return 128 + _signal_of(interrupt)
 
 
 def all_arrive(comm: "MPI.Intracomm") -> bool:
