@@ -378,7 +378,7 @@ class Planner:
                 " like = 'HS'"
             )
         for section, (limb, level) in enumerate(self._sections):
-            at = f"level={level.name}" if level else ""
+            at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
             support = document.model.socket_support
             yield Case(
