@@ -1,5 +1,6 @@
 """Contact of a limb's levels over angle and height: numbers, surface, picture, worst levels."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,9 +19,10 @@ from calfsocket.io.errors import InputError
 from calfsocket.meshes.levels import Place
 from calfsocket.plotting import pressure_map as picture
 from calfsocket.postprocess.contact_line import ContactLine
-from calfsocket.postprocess.pressure_map import MapLevel, PressureMap, angles
+from calfsocket.postprocess.pressure_map import PLANE_STRAIN, MapLevel, PressureMap, angles
 from calfsocket.simulation.results import MAPS, WORST_FILE
 from calfsocket.study.study import Study
+from conftest import write_small_report
 
 N = 400
 POLAR = np.linspace(0, 2 * np.pi, N, endpoint=False)
@@ -191,3 +193,30 @@ def test_maps_that_cannot_be(results: cs.Results, six_results: cs.Results) -> No
         results.pressure_map("tight@friction=0.5", "combined")
     with pytest.raises(InputError, match="the limb of this study has one level"):
         six_results.pressure_map("HS", "separate")
+
+
+# -- its report ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def report(results: cs.Results) -> str:
+    write_small_report(results.folder)
+    page = (results.folder / "report.html").read_text(encoding="utf-8")
+    return " ".join(re.sub(r"<[^>]+>", " ", page).split())
+
+
+def test_the_report_has_a_chapter_on_the_levels(report: str, results: cs.Results) -> None:
+    assert PLANE_STRAIN in report
+    assert "4 levels of a limb (an oval limb), each a section in plane strain" in report
+    assert "The unloaded section at level 0.200 of a right limb" in report
+    assert "Contact along the limb: tight@friction=0.2, combined" in report
+    page = (results.folder / "report.html").read_text(encoding="utf-8")
+    for path in re.findall(r'href="(pressure_maps/[^"]+)"', page):
+        assert (results.folder / path).is_file()
+    assert (results.folder / "tables" / "worst_levels.csv").is_file()
+
+
+def test_an_ordinary_report_has_none(six_runs: Path) -> None:
+    page = (six_runs / "report.html").read_text(encoding="utf-8")
+    assert "Along the limb" not in page
+    assert not (six_runs / MAPS).exists()
