@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import command, first_rank, group, option
-from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -177,8 +177,7 @@ def _write_levels(
 
     if arguments.level or arguments.plane:
         raise InputError("--levels: is given with --level or --plane; give one of them")
-    with error_context("--levels"):
-        levels = levels_of(arguments.levels)
+    levels = levels_of(arguments.levels)
     if any(map(is_drawing, arguments.source)):
         raise InputError(f"--levels: {_NOT_OF_DRAWINGS}")
     source, anatomy = _source(arguments)
