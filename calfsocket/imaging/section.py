@@ -26,6 +26,9 @@ _STEPS = 0.18
 #: within the tolerance. A skin bends less than a bone: 15 mm in the reference calf, whose bones
 #: bend by 2 mm; what bends more is noise. A socket's wall of 4.5 mm needs 5 mm.
 SKIN_RADII, RADII = (20.0, 10.0, 5.0, 2.0, 1.0), (2.0, 1.0)
+#: A curve that leaves the data so many times further than the next one, which bends more, has
+#: missed some of the shape: for noise alone the factor is 1.1 to 1.6.
+_SHAPE = 2.0
 #: Distance of the knots, mm.
 _KNOTS = 1.0
 #: A second part of a bone or of the skin with more than this share of the area of the first is no
@@ -317,11 +320,13 @@ def smooth_outline(
         points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
     if len(points) < FEWEST:
         raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
-    for radius in radii:
-        smooth, deviation, place = fair(points, tolerance, noise, radius, _KNOTS)
-        if deviation <= tolerance:
+    trials = (fair(points, tolerance, noise, radius, _KNOTS) for radius in radii)
+    smooth, deviation, place = next(trials)
+    for closer in trials:
+        if deviation <= min(tolerance, _SHAPE * closer[1]):
             break
-    else:
+        smooth, deviation, place = closer
+    if deviation > tolerance:
         enough = np.ceil(20 * deviation) / 20
         raise InputError(
             f"{at}: a smooth curve leaves the outline by {deviation:.2f} mm at {xy(place)}, more"
