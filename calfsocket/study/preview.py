@@ -95,7 +95,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     drawing.scale_bar(axes, window, fontsize=7)
     on = case.placement
     axes.set_title(
-        f"{case.of[0]}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
+        f"{case.of[0]}: wall {socket.thickness(limb):g} mm, {100 * on.area_reduction:.2f} % less "
         f"area\npresses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, on "
         f"{100 * on.touching:.0f} % of the skin",
         fontsize=8,
