@@ -264,8 +264,8 @@ def registered(face: Face, skin: Skin) -> Registration:
     ]
     if not credible:
         raise InputError(
-            f"does not lie along the limb with its inner face beside {100 * _LEAST_COVERED:.0f} % of"
-            " the skin, wherever it is laid; check that they belong together, or give a limb whose"
+            "does not lie along the limb with its inner face beside"
+            f" {100 * _LEAST_COVERED:.0f} % of the skin, wherever it is laid; check that they belong together, or give a limb whose"
             " levels the socket covers"
         )
     ratio = _significant(skin)
