@@ -26,7 +26,7 @@ _THICKEST = 100
         type=Path,
         required=True,
         metavar="FILE.json",
-        help="the limb that it is for, as the command limb makes it",
+        help="the limb that it is for, of one level or of many, as the command limb makes it",
     ),
     option(
         "--out",
@@ -90,7 +90,7 @@ def socket(arguments: Namespace) -> None:
     """Cut a socket from its own scan at the sections of a limb."""
     from calfsocket.imaging.section import TOLERANCE
     from calfsocket.imaging.socket_scan import cut_for, laid, read_socket_scan
-    from calfsocket.meshes.limb import Limb
+    from calfsocket.meshes.levels import read_limb, sections
     from calfsocket.plotting.socket_scan import draw_sections
 
     out = arguments.out
@@ -104,7 +104,7 @@ def socket(arguments: Namespace) -> None:
             f"--wall-thickness: is {wall:g} mm; it must be more than 0, at most {_THICKEST:g}"
         )
     given = {} if wall is None else {"wall_thickness": wall}
-    limbs = [Limb.read(arguments.limb)]
+    limbs = sections(read_limb(arguments.limb))
     scan = read_socket_scan(arguments.source, arguments.units)
     place = laid(scan, limbs, arguments.register, shift, arguments.rotate)
     made = cut_for(scan, limbs, place, arguments.register, tolerance, name=out.stem, **given)

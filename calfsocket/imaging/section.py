@@ -57,8 +57,8 @@ class Section:
         Where it lies; its origin is that of the outlines. None where the section was drawn.
     level : Level, optional
         Along the limb; None where a plane was given.
-    height : float, optional
-        Share of the source's height from its distal end.
+    height, height_mm : float, optional
+        Share of the source's height from its distal end, and the same in mm.
     tolerance : float
         Largest distance of the curves from the data, mm.
     remarks : sequence of str
@@ -72,6 +72,7 @@ class Section:
     plane: Plane | None
     level: Level | None
     height: float | None
+    height_mm: float | None
     tolerance: float
     remarks: Sequence[str]
 
@@ -112,7 +113,7 @@ def section(
     InputError
         When the outline of a part is open there, in several parts, or not where it must be.
     """
-    where, height = _place(source, anatomy, level, plane)
+    where, height, height_mm = _place(source, anatomy, level, plane)
     voxel = source.resolution(np.stack([where.x, where.y]))
     if tolerance is None:
         tolerance = voxel / 2 or TOLERANCE
@@ -195,6 +196,7 @@ def section(
         plane=shifted,
         level=level,
         height=height,
+        height_mm=height_mm,
         tolerance=tolerance,
         remarks=(*source.remarks, *anatomy.found, *remarks),
     )
@@ -217,14 +219,14 @@ def _place(
     anatomy: Anatomy,
     level: Level | None,
     plane: tuple[Sequence[float], Sequence[float]] | None,
-) -> tuple[Plane, float]:
-    """Return the plane of a section and its share of the height."""
+) -> tuple[Plane, float, float]:
+    """Return the plane of a section, its share of the height, and its height in mm."""
     low, high = anatomy.low, anatomy.high
     if plane is None:
         assert level is not None
         with error_context(source.names):
             height = level.height(low, high)
-        return anatomy.plane(height), (height - low) / (high - low)
+        return anatomy.plane(height), (height - low) / (high - low), height - low
     origin, normal = (np.asarray(each, dtype=float) for each in plane)
     normal = normal / np.linalg.norm(normal)
     if abs(normal @ anatomy.axis) < _STEEPEST:
@@ -233,8 +235,8 @@ def _place(
             f" {np.degrees(np.arccos(abs(normal @ anatomy.axis))):.0f} degrees from the axis"
         )
     normal = normal * np.sign(normal @ anatomy.axis)
-    share = ((origin - anatomy.centre) @ anatomy.axis - low) / (high - low)
-    return Plane.square_to(normal, origin, anatomy.anterior), float(share)
+    height = float((origin - anatomy.centre) @ anatomy.axis - low)
+    return Plane.square_to(normal, origin, anatomy.anterior), height / (high - low), height
 
 
 #: Cosine of the largest angle between the normal of a section and the limb's axis: 45 degrees.

@@ -26,6 +26,7 @@ from calfsocket.imaging.surface import Shell, check_size, read_shells
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import socket as meshes
 from calfsocket.meshes.curves import Array
+from calfsocket.meshes.levels import LimbLevels, sections
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import SectionOutline, Sections, SocketProvenance
 
@@ -323,7 +324,7 @@ class Socket(meshes.Socket):
     @staticmethod
     def from_scan(
         path: Path | str,
-        limb: Limb | Sequence[Limb],
+        limb: Limb | LimbLevels | Sequence[Limb],
         *,
         register: registration.Register = "icp",
         shift: Sequence[float] = (0.0, 0.0, 0.0),
@@ -339,7 +340,7 @@ class Socket(meshes.Socket):
         path
             STL, PLY, OBJ, VTP or AOP: the inner face, open at the brim, or a shell with both faces.
         limb
-            Made from a scan or a label map: one section, or several of one limb.
+            Made from a scan or a label map: one section, or those of a limb of many levels.
         register
             "icp": its inner face is laid on the limb's skin, with an even gap between them; where
             it lies on it already to the deviations that remain, it stays. "none": it stays in any
@@ -358,7 +359,7 @@ class Socket(meshes.Socket):
         InputError
             One line: file, level, place, and what to do.
         """
-        limbs = [limb] if isinstance(limb, Limb) else list(limb)
+        limbs = sections(limb) if isinstance(limb, Limb | LimbLevels) else tuple(limb)
         scan = read_socket_scan(path, units)
         place = laid(scan, limbs, register, shift, rotate)
         return cut_for(scan, limbs, place, register, tolerance, **socket)
