@@ -265,8 +265,8 @@ def registered(face: Face, skin: Skin) -> Registration:
     if not credible:
         raise InputError(
             "does not lie along the limb with its inner face beside"
-            f" {100 * _LEAST_COVERED:.0f} % of the skin, wherever it is laid; check that they belong together, or give a limb whose"
-            " levels the socket covers"
+            f" {100 * _LEAST_COVERED:.0f} % of the skin, wherever it is laid; check that they"
+            " belong together, or give a limb whose levels the socket covers"
         )
     ratio = _significant(skin)
     least = max(min(each.deviation for each in credible), _LEAST_SCALE)
