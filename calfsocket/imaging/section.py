@@ -120,10 +120,7 @@ def section(
     voxel = source.resolution(np.stack([where.x, where.y]))
     if tolerance is None:
         tolerance = voxel / 2 or TOLERANCE
-    if not 0 < tolerance <= _MOST_TOLERANCE:
-        raise InputError(
-            f"tolerance: is {tolerance:g} mm; it must be more than 0, at most {_MOST_TOLERANCE:g}"
-        )
+    check_tolerance(tolerance)
     at = f"{source.names}, level {level}" if level else f"{source.names}, the plane"
     skin = _body(_cut(source.skin, where, at, "skin"), at, "skin")
     if skin is None:
@@ -168,7 +165,7 @@ def section(
     data: dict[str, Array] = {}
 
     def outline(name: str, body: shapely.Polygon, most: float) -> Outline:
-        points = _counter_clockwise(body) - centre
+        points = counter_clockwise(body) - centre
         data[name] = points
         radii = SKIN_RADII if name in ("skin", "muscle") else RADII
         found = smooth_outline(points, most, f"{at}, {name}", radii, _STEPS * voxel)
@@ -210,6 +207,14 @@ def section(
 
 #: mm. A curve further away from the data than this shows another limb.
 _MOST_TOLERANCE = 5.0
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise an InputError unless curves can be kept within a tolerance, mm."""
+    if not 0 < tolerance <= _MOST_TOLERANCE:
+        raise InputError(
+            f"tolerance: is {tolerance:g} mm; it must be more than 0, at most {_MOST_TOLERANCE:g}"
+        )
 
 
 def _place(
@@ -293,7 +298,8 @@ def _centroid(body: shapely.Polygon) -> Array:
     return np.array(body.centroid.coords[0])
 
 
-def _counter_clockwise(body: shapely.Polygon) -> Array:
+def counter_clockwise(body: shapely.Polygon) -> Array:
+    """Return the corners of a body's outer boundary, each once."""
     points: Array = shapely.get_coordinates(body.exterior)[:-1]
     if not body.exterior.is_ccw:
         points = points[::-1]

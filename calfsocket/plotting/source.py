@@ -35,7 +35,7 @@ def draw_source(limb: Limb, data: Mapping[str, NDArray[np.float64]], path: Path)
         axes = figure.add_axes((0.02, 0.06, 0.96, 0.9))
         low, high = _extent(data)
         window = (low[0], high[0], low[1], high[1])
-        _fill(axes, limb)
+        fill(axes, limb)
         for points in data.values():
             closed = np.concatenate([points, points[:1]])
             axes.plot(*closed.T, ".-", color=_SOURCE, linewidth=0.4, markersize=1.8)
@@ -64,7 +64,8 @@ def _extent(data: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64
     return middle - half, middle + half
 
 
-def _fill(axes: Axes, limb: Limb) -> None:
+def fill(axes: Axes, limb: Limb) -> None:
+    """Draw the regions of a limb by the colours of their tissues."""
     loops = {
         name: curve.evaluate(curve.sample(_STEP_MM)) for name, curve in limb_curves(limb).items()
     }

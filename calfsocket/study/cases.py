@@ -351,7 +351,9 @@ class Planner:
             sockets: Any = content.get("sockets")
             for name, table in sockets.items() if isinstance(sockets, dict) else ():
                 with error_context(self._path, f"{origin}sockets.{name}"):
-                    sockets[name] = resolved(table, self._reference, self._files.outline)
+                    sockets[name] = resolved(
+                        table, self._reference, self._files.outline, self._files.sections
+                    )
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
 
