@@ -1,6 +1,7 @@
 """How thick the layers of a limb are, measured between its curves."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -79,8 +80,8 @@ def _nearest(ring: Ring, others: list[Ring]) -> Array:
     found = np.full(len(points), np.inf)
     ends = [np.stack([each.points, np.roll(each.points, -1, axis=0)], axis=1) for each in others]
     if ends:
-        sides = shapely.STRtree(shapely.linestrings(np.concatenate(ends)))
-        (place, _), distance = sides.query_nearest(
+        sides: Any = shapely.linestrings(np.concatenate(ends))
+        (place, _), distance = shapely.STRtree(sides).query_nearest(
             shapely.points(points), max_distance=_WIDEST, return_distance=True, all_matches=False
         )
         found[place] = distance
