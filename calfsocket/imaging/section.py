@@ -14,7 +14,7 @@ from calfsocket.imaging.surface import Shell
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, xy
-from calfsocket.meshes.fairing import FEWEST, fair
+from calfsocket.meshes.fairing import FEWEST, fair_each
 from calfsocket.meshes.frame import Frame
 
 #: Largest distance, mm, of the curves from a surface, unless said otherwise.
@@ -326,7 +326,7 @@ def smooth_outline(
         points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
     if len(points) < FEWEST:
         raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
-    trials = (fair(points, tolerance, noise, radius, _KNOTS) for radius in radii)
+    trials = fair_each(points, tolerance, noise, radii, _KNOTS)
     smooth, deviation, place = next(trials)
     for closer in trials:
         if deviation <= min(tolerance, _SHAPE * closer[1]):

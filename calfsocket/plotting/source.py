@@ -71,10 +71,11 @@ def fill(axes: Axes, limb: Limb) -> None:
     }
     for region in limb.regions:
         body = shapely.Polygon(loops[region.outer], [loops[hole] for hole in region.holes])
-        shapely.plotting.plot_polygon(
-            body, ax=axes, add_points=False, facecolor=drawing.TISSUE_COLOURS[region.tissue],
+        patch = shapely.plotting.patch_from_polygon(
+            body, facecolor=drawing.TISSUE_COLOURS[region.tissue],
             edgecolor=drawing.OUTLINE, linewidth=0.5,
         )  # fmt: skip
+        axes.add_artist(patch)  # the window is known: `add_patch` would look for it, for seconds
 
 
 def _directions(axes: Axes, limb: Limb, window: drawing.Window) -> None:
