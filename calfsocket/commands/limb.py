@@ -80,6 +80,12 @@ MOST_LEVELS = 200
         option(
             "--fibular-head", type=float, metavar="DEG", help="that of the fibula (0 is lateral)"
         ),
+        option(
+            "--septum",
+            type=float,
+            metavar="MM",
+            help="between muscles of the source that touch (default: the reference's, 0.76)",
+        ),
     ),
     group(
         "what the source does not tell",
@@ -154,6 +160,7 @@ def limb(arguments: Namespace) -> None:
         arguments.fat_thickness,
         arguments.crest,
         arguments.fibular_head,
+        arguments.septum,
     )
 
     def write(section: "Section", path: Path) -> None:
@@ -219,7 +226,9 @@ def _cut(arguments: Namespace) -> "Callable[[Level | None], Section]":
         raise InputError("--plane: is given with --level; give one of them")
     chosen = None if plane else Level.parse(arguments.level or 0.5)
     voxel = voxel_of(arguments.voxel) if arguments.voxel else None
-    source = read_source(arguments.source, arguments.units, roles, arguments.labels, voxel)
+    source = read_source(
+        arguments.source, arguments.units, roles, arguments.labels, voxel, said.side
+    )
     anatomy = find_anatomy(source, said)
     return lambda level: section(source, anatomy, level or chosen, plane, arguments.tolerance)
 

@@ -47,6 +47,8 @@ class Source:
         Marrow cavities by the name of their bone.
     muscle : Shell, optional
         Around all muscles and their fascia.
+    skin_inner : Shell, optional
+        Around all that is not skin.
     regions : mapping of str to (tissue, Shell)
         What else a label map has: bellies, vessels.
     superior : Array, optional
@@ -67,6 +69,7 @@ class Source:
     bones: Mapping[str, Shell] = field(default_factory=dict)
     cavities: Mapping[str, Shell] = field(default_factory=dict)
     muscle: Shell | None = None
+    skin_inner: Shell | None = None
     regions: Mapping[str, tuple[str, Shell]] = field(default_factory=dict)
     superior: Array | None = None
     anterior: Array | None = None
