@@ -85,6 +85,5 @@ def _curvature(outline: shapely.Polygon) -> Array:
     place, first, second = (np.fft.ifft(spectrum * (1j * order) ** n) for n in range(3))
     bend = (first.conj() * second).imag / np.abs(first) ** 3 * np.sqrt(outline.area / np.pi)
     angle = np.angle(place)
-    order = np.argsort(angle)
     wanted = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    return np.asarray(np.interp(wanted, angle[order], bend[order], period=2 * np.pi))
+    return np.asarray(np.interp(wanted, angle, bend, period=2 * np.pi))
