@@ -31,6 +31,8 @@ _LONGER = 1.15
 #: Share of the length of a bone or limb whose centroids make its axis, and levels in it: knee and
 #: end are left out.
 _SHAFT, _LEVELS = (0.2, 0.8), 13
+#: Parts of the names of landmarks that lie in front of the tibia, or on the fibula.
+_IN_FRONT, _LATERAL = ("crest", "tuber", "patel"), ("fib",)
 _AXES = re.compile(r"([+-])([xyz])")
 
 
@@ -249,6 +251,14 @@ def _front(
         front = _square(source.anterior, axis, "anterior")
         found.append("anterior: by the axes of the file")
     if towards is None:
+        if front is None:
+            front = _by_landmarks(source, axis, centre, _IN_FRONT)
+            if front is not None:
+                found.append("anterior: by the landmarks in front of the tibia")
+        outward = _by_landmarks(source, axis, centre, _LATERAL)
+        if front is not None and outward is not None and not side:
+            side = "right" if float(outward @ np.cross(front, axis)) > 0 else "left"
+            found.append(f"side: {side}, by the landmark of the fibula, which is lateral")
         if front is None and side and not source.bones:
             front = _by_crest(source, axis, side, found)
         return front, side
@@ -274,6 +284,17 @@ def _front(
         front = np.cos(turn) * towards + np.sin(turn) * np.cross(axis, towards)
         found.append("anterior: as in the reference calf, by the direction from tibia to fibula")
     return front, side
+
+
+def _by_landmarks(source: Source, axis: Array, centre: Array, words: Sequence[str]) -> Array | None:
+    """Return the mean direction from the axis to landmarks with one of the words in their names."""
+    away = [
+        _square(place - centre, axis, name)
+        for name, place in source.landmarks.items()
+        if any(word in name for word in words)
+    ]
+    mean = np.sum(away, axis=0)
+    return np.asarray(mean / np.linalg.norm(mean)) if np.any(mean) else None
 
 
 def _by_crest(source: Source, axis: Array, side: Side, found: list[str]) -> Array | None:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyvista
 
-from calfsocket.imaging.surface import Shell, check_size, read_shells
+from calfsocket.imaging.aop import landmarks_of, side_of
+from calfsocket.imaging.surface import UNITS, Shell, check_size, read_shells
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array
 
@@ -57,6 +58,8 @@ class Source:
         Where the front is, by the file's own axes.
     side : str, optional
         As the file states it.
+    landmarks : mapping of str to Array
+        Named points of the file, mm.
     voxel : Array, optional
         Edges of a voxel of a label map as columns, mm.
     remarks : sequence of str
@@ -74,6 +77,7 @@ class Source:
     superior: Array | None = None
     anterior: Array | None = None
     side: str | None = None
+    landmarks: Mapping[str, Array] = field(default_factory=dict)
     voxel: Array | None = None
     remarks: Sequence[str] = ()
 
@@ -141,6 +145,12 @@ def read_surface(
         cavities={name: cavities[id(bone)] for name, bone in bones.items() if id(bone) in cavities},
         muscle=muscle,
         side=_stated_side(files),
+        landmarks={
+            name: UNITS[units] * place
+            for path in files
+            if path.suffix.lower() == ".aop"
+            for name, place in landmarks_of(path).items()
+        },
         remarks=tuple(remarks),
     )
 
@@ -163,8 +173,6 @@ def sha256(path: Path) -> str:
 
 
 def _stated_side(files: Sequence[Path]) -> str | None:
-    from calfsocket.imaging.aop import side_of
-
     sides = {side_of(path) for path in files if path.suffix.lower() == ".aop"}
     return sides.pop() if len(sides) == 1 else None
 
