@@ -320,7 +320,7 @@ TRIALS = (
     Trial("an AOP that ends in its landmarks",
           an_aop(lambda lines: [*lines[:4], "2", "patella", "40 90 100"]),
           ("ends after 1 of 2 landmarks",)),
-    Trial("an AOP with radii of 0", an_aop(lambda lines: [*lines[:-1], "0"]), ("be positive",)),
+    Trial("an AOP with radii of 0", an_aop(lambda lines: [*lines[:-1], "0"]), ("radii positive",)),
     Trial("a label map without a table", no_table, ("what are its labels 1", "--labels FILE.csv")),
     Trial("a label that the table lacks", labelled(text="1,muscle\n2,tibia\n"),
           ("does not list label 3",)),
