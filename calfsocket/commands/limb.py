@@ -80,6 +80,12 @@ _NOT_OF_DRAWINGS = "does not belong to a drawing of the section; omit it"
         option(
             "--fibular-head", type=float, metavar="DEG", help="that of the fibula (0 is lateral)"
         ),
+        option(
+            "--septum",
+            type=float,
+            metavar="MM",
+            help="between muscles of the source that touch (default: the reference's, 0.76)",
+        ),
     ),
     group(
         "what the source does not tell",
@@ -154,6 +160,7 @@ def limb(arguments: Namespace) -> None:
         arguments.fat_thickness,
         arguments.crest,
         arguments.fibular_head,
+        arguments.septum,
     )
 
     def write(made: "Imported", path: Path) -> None:
@@ -221,7 +228,12 @@ def _source(arguments: Namespace) -> "tuple[Source, Anatomy]":
 
     voxel = voxel_of(arguments.voxel) if arguments.voxel else None
     source = read_source(
-        arguments.source, arguments.units, _roles(arguments), arguments.labels, voxel
+        arguments.source,
+        arguments.units,
+        _roles(arguments),
+        arguments.labels,
+        voxel,
+        arguments.side,
     )
     return source, find_anatomy(source, _said(arguments))
 
