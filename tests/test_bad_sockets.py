@@ -122,7 +122,7 @@ TRIALS = (
           ("may be in m: add --units m", "no socket")),
     Trial("two sockets", scan(change=two), ("has 2 surfaces", "give one socket")),
     Trial("another limb's socket", scan(change=waved),
-          ("does not fit the limb",)),
+          ("does not lie along the limb",)),
     Trial("a round socket", scan(change=round_tube), ("fits the skin as well when it is turned",)),
     Trial("a socket that ends below the level", scan("--register", "none", change=clipped(0, 80)),
           ("level 0.5: lies outside the socket",)),
