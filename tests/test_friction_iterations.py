@@ -19,14 +19,16 @@ AT_THE_PAPERS_FRICTION = {
     ("TSB", "separate"): 24,
 }
 
-#: Of those; where slip still spreads over or leaves half of the skin as the load grows, more.
+#: Of those; more where slip spreads over half of the skin (docs/theory/contact.md).
 MOST = 1.5
 EXCEPTIONS = {
     ("HS", "separate", 0.05): 1.8,
     ("TC", "combined", 0.05): 2.7,
     ("TC", "separate", 0.05): 2.0,
     ("TC", "separate", 0.1): 1.8,
+    ("TSB", "separate", 0.0): 1.8,
     ("TSB", "separate", 0.05): 1.7,
+    ("TSB", "separate", 0.2): 1.7,
 }
 
 case = cache(one_case)

@@ -31,9 +31,9 @@ from calfsocket.contact.friction import OPEN, SLIP, STICK
 
 IntArray = NDArray[np.int64]
 
-FEW_CHANGES = 0.02
+FEW_CHANGES = 0.05
 """Share of the points in contact whose status may change in the first iteration of a step. Steps at
-a friction of 0.4 stay below; at 0.1 a third of the points would change, to come back later."""
+a friction of 0.4 stay below 0.02; at 0.1 a third of the points would change, to come back later."""
 
 
 class ActiveSet:

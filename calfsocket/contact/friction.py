@@ -47,7 +47,8 @@ def branches(trial_pressure: FloatArray, trial_shear: FloatArray, friction: floa
     """Return the branch of Coulomb's law of trial tractions; arguments as of `coulomb`."""
     closed = trial_pressure > 0
     stick = np.abs(trial_shear) <= friction * np.where(closed, trial_pressure, 0.0)
-    slip = np.where(trial_shear < 0, -SLIP, SLIP)
+    backwards = (trial_shear < 0) & (friction > 0)  # without friction there is but one way to slip
+    slip = np.where(backwards, -SLIP, SLIP)
     return np.where(closed, np.where(stick, STICK, slip), OPEN)
 
 

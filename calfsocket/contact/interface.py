@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from calfsocket.contact import nitsche
 from calfsocket.contact.active_set import ActiveSet
+from calfsocket.contact.friction import OPEN, STICK
 from calfsocket.contact.nitsche import ContactState, SkinPoints
 from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
@@ -308,7 +309,10 @@ class ContactInterface:
         """Take the slip so far as done; tractions stay what they are (collective)."""
         self._earlier_arc = self.converged_arc
         state = self.state()
-        self.active_set.equilibrium = state.traction.branch
+        branch = state.traction.branch
+        # Without friction points stick until the first iterations have moved limb and socket.
+        free = self.parameters.friction == 0.0
+        self.active_set.equilibrium = np.where(branch == OPEN, OPEN, STICK) if free else branch
         self.converged_arc = self.settled_arc(state)
 
     def settled_arc(self, state: ContactState | None = None) -> FloatArray:
