@@ -175,28 +175,47 @@ def case(seed: int, shear: float, gap: float, friction: float = 0.4):
     return chain, points, parameters, rest, stress, pressed, displacement, previous
 
 
-def evaluate(data, unknowns, displacement, edge=None):
+def evaluate(data, unknowns, displacement, active_set=None):
     chain, points, parameters, rest, stress, pressed, _, previous = data
     position = rest + np.einsum("nck,nk->nc", points.shape, unknowns)
     traction = pressed + np.einsum("nck,nk->nc", stress, unknowns)
     at = chain.project(position, displacement)
     closing = np.full(len(position), -0.05)
     state = nitsche.contact_state(
-        position, traction, at, closing, chain.slip(at.arc, previous), parameters
+        position, traction, at, closing, chain.slip(at.arc, previous), parameters, active_set
     )
     return state, traction
 
 
+class Held:
+    """An active set that holds all points on one branch."""
+
+    def __init__(self, branch):
+        self.branch = branch
+
+    def branches(self, own):
+        assert np.all(own != self.branch)
+        return np.full(len(own), self.branch)
+
+
 @pytest.mark.parametrize(
-    ("shear", "gap", "expected"),
-    [(0.0, 0.1, STICK), (2.0, 0.1, SLIP), (-2.0, -0.3, SLIP), (0.1, -0.3, STICK), (0.0, 6.0, OPEN)],
+    ("shear", "gap", "expected", "held"),
+    [
+        (0.0, 0.1, STICK, None),
+        (2.0, 0.1, SLIP, None),
+        (-2.0, -0.3, SLIP, None),
+        (0.1, -0.3, STICK, None),
+        (0.0, 6.0, OPEN, None),
+        (2.0, 0.1, STICK, Held(STICK)),
+        (0.1, -0.3, SLIP, Held(-SLIP)),
+    ],
 )
-def test_tangent_is_the_derivative_of_the_residual(shear, gap, expected):
+def test_tangent_is_the_derivative_of_the_residual(shear, gap, expected, held):
     data = case(seed=3, shear=shear, gap=gap)
     _, points, parameters, _, stress, _, displacement, _ = data
     n, _, k = points.shape.shape
     unknowns = np.zeros((n, k))
-    state, traction = evaluate(data, unknowns, displacement)
+    state, traction = evaluate(data, unknowns, displacement, held)
     assert np.all(state.traction.status == expected)
     exact, by_traction = nitsche.tangent(
         points, state, traction, parameters.gamma, parameters.gamma_t
@@ -210,7 +229,7 @@ def test_tangent_is_the_derivative_of_the_residual(shear, gap, expected):
         for i in range(n):
             moved = displacement.copy()
             moved[edge[i]] += step[i, k:].reshape(3, 2)
-            one, _ = evaluate(data, step[:, :k], moved)
+            one, _ = evaluate(data, step[:, :k], moved, held)
             skin, socket = nitsche.residual(points, one)
             result[i, :k], result[i, k:] = skin[i], socket[i].ravel()
             assert one.projection.edge[i] == edge[i]

@@ -92,8 +92,8 @@ def test_a_failed_run_keeps_the_last_converged_state():
     )
     solve = stepper.newton.solve
 
-    def fails_beyond_half():
-        result = solve()
+    def fails_beyond_half(ahead):
+        result = solve(ahead)
         if model.load > 0.5:
             stepper.newton.x.array[:] = np.nan
             return replace(result, converged=False, reason="diverged_for_the_test")

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact import nitsche
+from calfsocket.contact.active_set import ActiveSet
+from calfsocket.contact.friction import OPEN, STICK
 from calfsocket.contact.nitsche import ContactState, SkinPoints
 from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
@@ -146,6 +148,8 @@ class ContactInterface:
         Quadrature points of a skin edge in its own parameter, -1 to 1.
     converged_arc : (n,)
         Place of each skin point's partner along the socket from which slip counts, in mm.
+    active_set : ActiveSet
+        Keeps points from going to and fro while Newton's method iterates.
     """
 
     def __init__(
@@ -167,6 +171,7 @@ class ContactInterface:
         facet_tags, boundaries = section.facet_tags, section.boundaries
         self.skin = Face.of(V, facet_tags, boundaries[pair.skin])
         self.comm = domain.comm
+        self.active_set = ActiveSet(self.comm)
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
@@ -279,7 +284,10 @@ class ContactInterface:
         if nominal_traction is None:
             nominal_traction = self.nominal_traction()
         position = self.deformed_points()
-        projection = self.chain.project(position, self.socket_displacement())
+        displacement = self.socket_displacement()
+        projection = self.chain.project(position, displacement)
+        stay = self.active_set.returning(projection.edge)
+        projection = self.chain.stay(projection, position, displacement, stay)
         return nitsche.contact_state(
             position,
             nominal_traction,
@@ -287,6 +295,7 @@ class ContactInterface:
             self.closing(),
             self.slip(projection.arc),
             self.parameters,
+            self.active_set,
         )
 
     def largest_gap(self) -> float:
@@ -299,11 +308,16 @@ class ContactInterface:
     def accept(self) -> None:
         """Take the slip so far as done; tractions stay what they are (collective)."""
         self._earlier_arc = self.converged_arc
-        self.converged_arc = self.settled_arc()
-
-    def settled_arc(self) -> FloatArray:
-        """Place along the socket from which slip will count after this state, in mm; (n,)."""
         state = self.state()
+        branch = state.traction.branch
+        # Without friction points stick until the first iterations have moved limb and socket.
+        free = self.parameters.friction == 0.0
+        self.active_set.equilibrium = np.where(branch == OPEN, OPEN, STICK) if free else branch
+        self.converged_arc = self.settled_arc(state)
+
+    def settled_arc(self, state: ContactState | None = None) -> FloatArray:
+        """Place along the socket from which slip will count after this state, in mm; (n,)."""
+        state = state or self.state()
         return state.projection.arc - nitsche.settled_slip(state, self.parameters)
 
     def revert(self) -> None:
@@ -338,6 +352,7 @@ class ContactInterface:
             nominal = self.nominal_traction()
             state = self.state(nominal)
             gamma, gamma_t = self.parameters.gamma, self.parameters.gamma_t
+            self.active_set.linearised(state.traction.branch, state.projection.edge)
             blocks = nitsche.tangent(self.points, state, nominal, gamma, gamma_t)
             return ContactTangent(state.projection.edge, *blocks, self.nominal_traction_variation())
 

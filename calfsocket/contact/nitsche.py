@@ -26,7 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.contact.friction import OPEN, SLIP, STICK, ContactTraction, coulomb
+from calfsocket.contact.active_set import ActiveSet
+from calfsocket.contact.friction import OPEN, SLIP, STICK, ContactTraction, branches, coulomb
 from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import Projection, shape_functions
 
@@ -87,12 +88,14 @@ def contact_state(
     closing: FloatArray,
     slip: FloatArray,
     parameters: Contact,
+    active_set: ActiveSet | None = None,
 ) -> ContactState:
     """Contact pressure, shear and status from the skin's traction, gap and slip.
 
     Deformed skin points in mm and their nominal traction T = P N in MPa, pressure part included,
     are (n, 2). `closing` is the shrink fit's part of the gap, (1 - load) min(initial gap, 0), and
-    `slip` that of the load step, both (n,) in mm.
+    `slip` that of the load step, both (n,) in mm. An active set may put points on other branches of
+    Coulomb's law than those of their trial values (collective).
     """
     gap = np.sum((position - projection.point) * projection.normal, axis=1)
     reduced_gap = gap - closing
@@ -101,7 +104,10 @@ def contact_state(
     )
     trial_pressure[projection.beyond] = -np.inf
     trial_shear = np.sum(nominal_traction * projection.tangent, axis=1) - parameters.gamma_t * slip
-    traction = coulomb(trial_pressure, trial_shear, parameters.friction)
+    branch = branches(trial_pressure, trial_shear, parameters.friction)
+    if active_set is not None:
+        branch = active_set.branches(branch)
+    traction = coulomb(trial_pressure, trial_shear, parameters.friction, branch)
     return ContactState(projection, gap, reduced_gap, slip, trial_shear, traction)
 
 
@@ -234,7 +240,7 @@ def constraint_tangent(points: SkinPoints, state: ContactState, stiffness: float
     pressed = ContactTraction(
         pressure=np.where(slipping, law.pressure, 0.0),
         shear=none,
-        status=law.status,
+        branch=law.branch,
         d_pressure=none,
         d_shear_pressure=none,
         d_shear_shear=none,

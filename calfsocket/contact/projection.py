@@ -1,6 +1,6 @@
 """Closest point of a deformed chain of quadratic edges: where skin meets socket."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,10 @@ _NEWTON_STEPS = 25
 _NEWTON_TOLERANCE = 1e-9
 # Vertices closer than this share of the chain's size are one.
 _SAME_POINT = 1e-9
+EXTENSION = 1e-3
+"""Share of half an edge by which a point that goes to and fro may stay beyond its end: about a
+micrometre, over which the kink between two edges does not show in the traction's leading digits."""
+
 _SEARCH_POINTS = np.array([-0.75, -0.25, 0.25, 0.75])
 _ARC_POINTS, _ARC_WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -152,6 +156,26 @@ class EdgeChain:
         rows = np.arange(len(points))
         edge = candidates[rows, order]
         return self._describe(edge, xi[rows, order], nodes[edge])
+
+    def stay(
+        self, at: Projection, points: FloatArray, displacement: FloatArray, edge: IntArray
+    ) -> Projection:
+        """Move points to the closest ones of given edges that overrun those by `EXTENSION` at most.
+
+        Arguments as of `project`, and its result; edges (n,), or -1 for a point that does not move.
+        """
+        rows = np.flatnonzero(edge >= 0)
+        nodes = (self.reference + displacement)[edge[rows]]
+        xi = _closest_on_edges(points[rows, None, :], nodes[:, None])[0][:, 0]
+        near = np.abs(xi) <= 1.0 + EXTENSION
+        if not near.any():
+            return at
+        rows = rows[near]
+        other = self._describe(edge[rows], xi[near], nodes[near])
+        values = {field.name: getattr(at, field.name).copy() for field in fields(at)}
+        for name, value in values.items():
+            value[rows] = getattr(other, name)
+        return Projection(**values)
 
     def _describe(self, edge: IntArray, xi: FloatArray, nodes: FloatArray) -> Projection:
         middle, slope, bend = _polynomial(nodes)

@@ -7,6 +7,7 @@ from typing import ClassVar, Protocol
 
 from petsc4py import PETSc
 
+from calfsocket.contact.active_set import ActiveSet
 from calfsocket.io.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
 
 
@@ -75,6 +76,9 @@ class Newton:
         Whether to try without a line search first, and with one again from the same start where
         that does not converge. In small load steps a search only cuts steps for the rows of stiff
         tissues, which the next iteration would mend. A search of the user's choice is the only one.
+    active_set : ActiveSet, optional
+        Keeps contact points from going to and fro between full steps. A search does without: it
+        needs one residual for all lengths of a step.
 
     Attributes
     ----------
@@ -96,8 +100,10 @@ class Newton:
         problem: System,
         monitor: Callable[[int, float], None] | None = None,
         full_steps_first: bool = False,
+        active_set: ActiveSet | None = None,
     ) -> None:
         self.problem = problem
+        self._active_set = active_set
         self._monitor = monitor
         self._history: list[float] = []
         self.x = problem.create_vector()
@@ -112,7 +118,7 @@ class Newton:
         problem = self.problem
         snes = PETSc.SNES().create(self.x.getComm())
         snes.setOptionsPrefix(OPTIONS_PREFIX)
-        snes.setFunction(lambda snes, x, f: problem.residual(x, f), self._f)
+        snes.setFunction(self._residual, self._f)
         snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self.tangent)
         snes.setMonitor(self._record)
         with defaults(**changed):
@@ -125,10 +131,24 @@ class Newton:
             ksp.getPC().setPythonContext(self.tangent.getPythonContext())
         return snes
 
-    def solve(self) -> NewtonResult:
-        """Solve from the present `x`, which holds the last iterate afterwards (collective)."""
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        self.problem.residual(x, f)
+        if self._active_set is None or not self._active_set.is_iterating:
+            return
+        if f.norm() <= snes.getTolerances()[1] and self._active_set.release():
+            self.problem.residual(x, f)
+
+    def solve(self, ahead: bool = False) -> NewtonResult:
+        """Solve from the present `x`, which holds the last iterate afterwards (collective).
+
+        It is the last equilibrium, or `ahead` of it.
+        """
         start = self.x.copy()
-        result = self._attempt(self._first)
+        if self._active_set is None or self._searching is self._first:
+            result = self._attempt(self._first)
+        else:
+            with self._active_set.iterating(ahead):
+                result = self._attempt(self._first)
         if result.converged or self._searching is self._first:
             return result
         start.copy(self.x)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from calfsocket.contact.active_set import ActiveSet
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.forms.element import section_element
@@ -179,6 +180,11 @@ class Problem:
         """Take the last `accept` back."""
         if self._contact is not None:
             self._contact.revert()
+
+    @property
+    def active_set(self) -> ActiveSet | None:
+        """Active set of contact; None without contact."""
+        return None if self._contact is None else self._contact.active_set
 
     # -- for Newton's method --------------------------------------------------------------------
 

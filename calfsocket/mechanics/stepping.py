@@ -166,7 +166,7 @@ class LoadStepper:
         self._on_step = on_step
         self.on_milestone = on_milestone
         self._target = 0.0
-        self.newton = Newton(problem, self._monitor, full_steps_first)
+        self.newton = Newton(problem, self._monitor, full_steps_first, problem.active_set)
 
     def run(self, start: Milestone | None = None, advance: Advance | None = None) -> None:
         """Raise the load to 1 (collective).
@@ -201,12 +201,13 @@ class LoadStepper:
             if found:
                 problem.accept()
                 found = False
-            if self._extrapolates and load > 0:
+            extrapolated = self._extrapolates and load > 0
+            if extrapolated:
                 ahead = (target - load) / (load - load_before)
                 x.axpy(ahead, converged)
                 x.axpy(-ahead, before)
             advance(load, target)
-            result = self._take(target)
+            result = self._take(target, extrapolated)
             if result.converged:
                 converged.copy(before)
                 x.copy(converged)
@@ -266,11 +267,11 @@ class LoadStepper:
     def _set_load(self, _before: float, load: float) -> None:
         self.problem.load = load
 
-    def _take(self, target: float) -> NewtonResult:
+    def _take(self, target: float, extrapolated: bool) -> NewtonResult:
         start = time.perf_counter()
         self._target = target
         try:
-            result = self.newton.solve()
+            result = self.newton.solve(extrapolated)
         except PETSc.Error as error:
             # What Python raised in a callback, Ctrl-C among it, arrives wrapped in PETSc's.
             raise error.__cause__ or error from None

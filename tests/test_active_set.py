@@ -1,0 +1,122 @@
+"""Points that go to and fro between Newton's iterations: single points, without a mesh."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from calfsocket.contact.active_set import FEW_CHANGES, ActiveSet
+from calfsocket.contact.friction import OPEN, SLIP, STICK, branches, coulomb
+from calfsocket.contact.projection import EXTENSION, EdgeChain
+
+EDGES = np.zeros(4, dtype=np.int64)
+
+
+def array(*branch):
+    return np.array(branch, dtype=np.int64)
+
+
+@pytest.fixture
+def active_set():
+    return ActiveSet(MPI.COMM_SELF)
+
+
+def test_branches_and_the_law_on_another_branch_by_hand():
+    pressure, shear = np.array([-1.0, 1.0, 1.0, 2.0]), np.array([5.0, 0.3, 0.5, -3.0])
+    own = branches(pressure, shear, 0.4)
+    np.testing.assert_array_equal(own, [OPEN, STICK, SLIP, -SLIP])
+    for law in (coulomb(pressure, shear, 0.4), coulomb(pressure, shear, 0.4, own)):
+        np.testing.assert_allclose(law.shear, [0.0, 0.3, 0.4, -0.8])
+    # Sticking holds more than friction may, slipping the other way has the other sign.
+    other = coulomb(pressure, shear, 0.4, array(OPEN, -SLIP, STICK, STICK))
+    np.testing.assert_allclose(other.shear, [0.0, -0.4, 0.5, -3.0])
+    np.testing.assert_allclose(other.d_shear_pressure, [0.0, -0.4, 0.0, 0.0])
+    np.testing.assert_allclose(other.d_shear_shear, [0.0, 0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(other.status, [OPEN, SLIP, STICK, STICK])
+
+
+def test_outside_of_a_solve_every_point_is_on_its_own_branch(active_set):
+    active_set.equilibrium = array(SLIP, SLIP, SLIP, SLIP)
+    own = array(OPEN, STICK, SLIP, -SLIP)
+    active_set.linearised(-own, EDGES)
+    assert active_set.branches(own) is own
+    with active_set.iterating(ahead=True):
+        assert active_set.branches(own) is not own
+    assert active_set.branches(own) is own
+    assert not active_set.release()
+
+
+def test_a_point_that_would_turn_round_sticks_for_one_iteration(active_set):
+    with active_set.iterating(ahead=False):
+        active_set.linearised(array(SLIP, -SLIP, STICK, SLIP), EDGES)
+        own = array(-SLIP, SLIP, SLIP, OPEN)
+        held = active_set.branches(own)
+        np.testing.assert_array_equal(held, [STICK, STICK, SLIP, OPEN])
+        active_set.linearised(held, EDGES)
+        assert active_set.branches(own).tolist() == own.tolist()
+
+
+def test_a_residual_that_vanishes_with_points_held_back_does_not_count(active_set):
+    with active_set.iterating(ahead=False):
+        active_set.linearised(array(SLIP), EDGES[:1])
+        assert not active_set.release()
+        assert active_set.branches(array(-SLIP)) == STICK
+        assert active_set.release()
+        assert active_set.branches(array(-SLIP)) == -SLIP
+        active_set.linearised(array(-SLIP), EDGES[:1])
+        assert active_set.branches(array(SLIP)) == STICK
+
+
+def test_statuses_of_the_equilibrium_count_until_they_can_be_told(active_set):
+    n = 1000
+    active_set.equilibrium = equilibrium = np.full(n, SLIP)
+    edges = np.zeros(n, dtype=np.int64)
+    few, many = (equilibrium.copy() for _ in range(2))
+    few[: int(FEW_CHANGES * n)] = STICK
+    many[: int(FEW_CHANGES * n) + 1] = STICK
+    with active_set.iterating(ahead=False):
+        sticking = np.full(n, STICK)  # at the equilibrium itself
+        np.testing.assert_array_equal(active_set.branches(equilibrium), sticking)
+        active_set.linearised(sticking, edges)
+        np.testing.assert_array_equal(active_set.branches(few), few)
+        np.testing.assert_array_equal(active_set.branches(many), equilibrium)
+        active_set.linearised(equilibrium, edges)
+        np.testing.assert_array_equal(active_set.branches(many), many)
+    with active_set.iterating(ahead=True):
+        np.testing.assert_array_equal(active_set.branches(many), equilibrium)
+        active_set.linearised(equilibrium, edges)
+        np.testing.assert_array_equal(active_set.branches(many), many)
+
+
+def test_only_points_in_contact_take_the_status_of_the_equilibrium(active_set):
+    active_set.equilibrium = array(SLIP, OPEN, OPEN, STICK)
+    with active_set.iterating(ahead=True):
+        held = active_set.branches(array(OPEN, STICK, -SLIP, SLIP))
+    np.testing.assert_array_equal(held, [OPEN, STICK, -SLIP, STICK])
+
+
+def test_a_point_that_goes_back_to_an_edge_is_known(active_set):
+    branch = np.full(3, STICK)
+    with active_set.iterating(ahead=False):
+        active_set.linearised(branch, array(4, 5, 6))
+        np.testing.assert_array_equal(active_set.returning(array(5, 5, 6)), [-1, -1, -1])
+        active_set.linearised(branch, array(5, 5, 7))
+        np.testing.assert_array_equal(active_set.returning(array(4, 5, 8)), [5, -1, -1])
+        np.testing.assert_array_equal(active_set.returning(array(5, 4, 6)), [-1, -1, 7])
+    np.testing.assert_array_equal(active_set.returning(array(5, 4, 6)), [-1, -1, -1])
+
+
+def test_a_point_stays_a_little_beyond_the_end_of_its_edge():
+    """Two straight edges of 2 mm with a kink of 0.1 at x = 0; their bodies are below."""
+    vertices = np.array([[-2.0, 0.0], [0.0, 0.0], [2.0, 0.2]])[::-1]
+    ends = vertices[:-1], vertices[1:]
+    chain = EdgeChain.from_edges(np.stack([*ends, 0.5 * (ends[0] + ends[1])], axis=1))
+    beyond = EXTENSION * np.array([0.5, 2.0])  # half an edge is 1 mm
+    points = np.stack([beyond, 0.1 * beyond], axis=1)
+    still = np.zeros((2, 3, 2))
+    at = chain.project(points, still)
+    np.testing.assert_array_equal(at.edge, [0, 0])
+    other = chain.stay(at, points, still, array(1, 1))
+    np.testing.assert_array_equal(other.edge, [1, 0])
+    np.testing.assert_allclose(other.point, [[beyond[0], 0.0], at.point[1]], atol=1e-12)
+    np.testing.assert_allclose(other.normal[0], [0.0, -1.0], atol=1e-12)
+    assert chain.stay(at, points, still, array(-1, -1)) is at
