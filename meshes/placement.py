@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.lining import Lining, fitted
 from calfsocket.meshes.socket import Outline, Socket
 
 #: Distance of the points of the skin that are looked at, mm.
@@ -29,7 +30,11 @@ OFF_CENTRE = 5.0
 
 @dataclass(frozen=True)
 class Placement:
-    """A socket on a limb, both undeformed; an overlap is negative where the skin is clear of it."""
+    """A socket on a limb, both undeformed; an overlap is negative where the skin is clear of it.
+
+    With a liner, "the skin" is the surface that meets what is around it: the outer face of a liner
+    on the limb; and the "inner face" that of a liner inside the socket.
+    """
 
     area_reduction: float  #: area within the inner face over that of the limb, 1 minus that
     perimeter_reduction: float  #: the same of the perimeters
@@ -42,7 +47,13 @@ class Placement:
     squeezed: float  #: greatest depth as a share of the tissue from the skin to the nearest bone
 
 
-def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool = True) -> Placement:
+def check_placement(
+    socket: Socket,
+    limb: Limb,
+    name: str = "",
+    floating: bool = True,
+    liner: Lining | None = None,
+) -> Placement:
     """Measure how a socket sits on a limb, and refuse what cannot be solved.
 
     Parameters
@@ -53,6 +64,8 @@ def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool =
         Of the socket, for messages.
     floating
         Whether the socket rests on the limb alone, so that it must press from more than one side.
+    liner
+        Between limb and socket.
 
     Raises
     ------
@@ -67,13 +80,13 @@ def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool =
     reference sockets have a `squeezed` of 0.15 (TC), 0.09 (TSB) and 0.25 (HS).
     """
     with error_context(f"socket {name}") if name else nullcontext():
-        return _placement(socket, limb, floating)
+        return _placement(socket, limb, floating, liner)
 
 
-def _placement(socket: Socket, limb: Limb, floating: bool) -> Placement:
+def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None) -> Placement:
     loops = limb_curves(limb)
-    skin = loops[limb.contact_boundary]
-    inner, _ = socket.faces(limb)
+    fit = fitted(limb, socket, liner)
+    skin, inner = fit.surface, fit.face
     at = limb.frame.at
     points = skin.evaluate(skin.sample(SKIN_STEP))
     face = inner.evaluate(inner.sample(CURVE_STEP))
@@ -94,11 +107,14 @@ def _placement(socket: Socket, limb: Limb, floating: bool) -> Placement:
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
+        lined = liner is not None and liner.bonded == "limb"
+        over = "soft tissue and liner" if lined else "soft tissue"
+        thinner = ", or make the liner thinner" if liner else ""
         raise InputError(
             f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
             f" {at(points[worst])}, where the bone has"
-            f" {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue over it; make it larger or"
-            f" move it{aside}"
+            f" {overlap[worst] / squeezed[worst]:.1f} mm of {over} over it; make it larger or"
+            f" move it{thinner}{aside}"
         )
     area_reduction = 1 - inner.area / skin.area
     if floating and area_reduction < NOT_SMALLER:
