@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.errors import error_context
 from calfsocket.io.quantity import Written
 from calfsocket.io.schema import Strict
 from calfsocket.io.units import LENGTH, SHARE

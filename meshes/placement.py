@@ -22,6 +22,9 @@ GRIP_STEP = 1.0
 #: A socket that takes less than this share of the limb's area may be no smaller than the limb: the
 #: skin's outline, scanned with 0.05 mm of noise, encloses its own area to 0.03 %.
 NOT_SMALLER = 5e-4
+#: Soft tissue and liner are not squeezed to less than this share of their area: on average they
+#: would lose more volume than any of them does at any point in the reference sockets (J > 0.74).
+LEAST_ROOM = 0.7
 #: It presses nowhere if all overlap but this, mm, can be moved away: what a scanner resolves.
 NO_GRIP = 0.05
 #: An outline whose centre is at least this far from the limb's may be drawn in another frame, mm.
@@ -107,8 +110,7 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
-        lined = liner is not None and liner.bonded == "limb"
-        over = "soft tissue and liner" if lined else "soft tissue"
+        over = "soft tissue and liner" if fit.surface is fit.lining else "soft tissue"
         thinner = ", or make the liner thinner" if liner else ""
         raise InputError(
             f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
@@ -117,6 +119,11 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
             f" move it{thinner}{aside}"
         )
     area_reduction = 1 - inner.area / skin.area
+    if liner and (left := _room_left(limb, loops, skin, inner)) < LEAST_ROOM:
+        raise InputError(
+            f"leaves soft tissue and a liner of {liner.thickness:g} mm {100 * max(left, 0):.0f} % of"
+            " their area, and they lose little volume; make the liner thinner or the socket larger"
+        )
     if floating and area_reduction < NOT_SMALLER:
         _check_grip(socket, area_reduction, points, face)
     return Placement(
@@ -130,6 +137,16 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
         largest_angle=float(limb.frame.angle(points[most])),
         squeezed=float(squeezed[worst]),
     )
+
+
+def _room_left(
+    limb: Limb, loops: dict[str, ClosedCurve], surface: ClosedCurve, face: ClosedCurve
+) -> float:
+    """Return the area within a face over that within a surface, both without what is hard."""
+    areas = limb.areas
+    hard = sum(areas[region.name] for region in limb.regions if region.tissue == "bone")
+    hard += loops[limb.fixed_boundary].area
+    return (face.area - hard) / (surface.area - hard)
 
 
 def _aside(socket: Socket, face: Array, points: Array) -> str:

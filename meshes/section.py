@@ -27,7 +27,7 @@ from calfsocket.meshes.triangles import TriangleMesh
 def section_mesh(
     comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
 ) -> SectionMesh:
-    """Mesh a limb, its liner and a socket on rank 0 of `comm` and distribute the mesh over its ranks.
+    """Mesh a limb, a liner and a socket on rank 0 of `comm` and distribute it over its ranks.
 
     Raises
     ------
@@ -37,9 +37,7 @@ def section_mesh(
     return distribute(comm, lambda: build(limb, socket, size, liner))
 
 
-def build(
-    limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
-) -> TriangleMesh:
+def build(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> TriangleMesh:
     """Mesh a limb and a socket on this process; the same input gives the same arrays."""
     size = final_size(limb, socket, size, liner)
     with gmsh_model.session("section"):
@@ -47,9 +45,7 @@ def build(
         return smooth(gmsh_model.extract())
 
 
-def final_size(
-    limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
-) -> MeshSize:
+def final_size(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> MeshSize:
     """Replace a size that is a number of triangles by one in mm, by trial meshes."""
 
     def count(trial: MeshSize) -> int:

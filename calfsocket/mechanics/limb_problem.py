@@ -32,8 +32,9 @@ def limb_problem(
     """Make the problem of a limb in a socket (collective).
 
     What meets in contact are the skin and the socket's inner face or, where the mesh has a liner,
-    its free face and the one of them that it is not bonded to. The limb is constrained at the tibia's medullary boundary. Sides of a piece of tissue, where the
-    mesh has them, do not move in x.
+    its free face and the one of the two that it is not bonded to. The limb is constrained at the
+    tibia's medullary boundary. Sides of a piece of tissue, where the mesh has them, do not move in
+    x.
 
     Parameters
     ----------

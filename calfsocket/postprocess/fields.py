@@ -94,6 +94,12 @@ class SectionFields:
         return np.flatnonzero(np.isin(self.tissue, [TISSUES.index(name) for name in tissues]))
 
     @cached_property
+    def lined_limb(self) -> bool:
+        """Whether a liner is bonded to the limb: it shares the skin's nodes."""
+        skin, liner = (self.cells[self.cells_of(name)] for name in ("skin", "liner"))
+        return bool(np.intersect1d(skin, liner).size)
+
+    @cached_property
     def gauss_area(self) -> NDArray[np.float64]:
         """Area of the reference section that each Gauss point stands for, mm^2, (n_cells, 3)."""
         return np.abs(determinant(jacobians(self.points[self.cells], GAUSS_POINTS))) / 6

@@ -9,6 +9,7 @@ import pandas as pd
 from shapely import Polygon, area, difference
 
 from calfsocket.materials.law import Law
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.tissues import TISSUES
 from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.limb import Limb
@@ -87,6 +88,14 @@ class Findings:
         return next(name for hole, name in holes if hole == self.limb.fixed_boundary)
 
     # --- its sockets
+
+    @property
+    def liner(self) -> Liner | None:
+        """The liner of the cases that are shown one by one."""
+        table = self.study.run.settings.get("liner") if self.study.run else None
+        laws = inputs.laws(self.results) if table else {}
+        law = next((of["liner"] for of in laws.values() if "liner" in of), None)
+        return Liner(**table, law=law) if table and law else None
 
     @property
     def socket_titles(self) -> dict[str, str]:
@@ -172,9 +181,11 @@ class Findings:
 
 
 def _areas(fields: SectionFields) -> tuple[float, float]:
+    of_limb, of_socket = [*SUMMARY_TISSUES, "bone"], ["socket"]
+    (of_limb if fields.lined_limb else of_socket).append("liner")
     paths = (
-        section.limb_boundary(fields, fields.points),
-        section.boundary(fields.cells[fields.cells_of("socket")], fields.points),
+        section.boundary(fields.cells[fields.cells_of(*tissues)], fields.points)
+        for tissues in (of_limb, of_socket)
     )
     limb, socket = ([Polygon(np.asarray(ring)) for ring in each.to_polygons()] for each in paths)
     outline, cavity = max(limb, key=area), min(socket, key=area)

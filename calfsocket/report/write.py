@@ -83,6 +83,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "findings": findings,
         "results": results,
         "limb": findings.limb,
+        "liner": findings.liner,
         "answer": Answer(findings),
         "one_case": len(results) == 1,
         "one_socket": len(results.sockets) == 1,

@@ -29,7 +29,7 @@ from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import MeshSize, mesh_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
-from calfsocket.postprocess.extract import contact_line, section_fields
+from calfsocket.postprocess.extract import contact_line, section_fields, skin_line
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import Phases, Profile
@@ -221,11 +221,9 @@ class Simulation:
         monitor = monitor or Monitor()
         on_first_rank(self.comm, lambda: self.placement)
         monitor.message("mesh and set-up", 0.0, True)
-        precompile(self.comm, [self.materials])
+        precompile(self.comm, [self.materials], [self.liner.law] if self.liner else [])
         with self.phases("mesh"):
-            section = section_mesh(
-                self.comm, self.limb, self.socket, self.mesh_size, self.liner
-            )
+            section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner)
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
             problem = limb_problem(section, laws, self.contact, self.support)
@@ -285,9 +283,11 @@ class Simulation:
         with self.phases("fields"):
             tissues = self.limb.tissues | {name: name for name in (tags.SOCKET, tags.LINER)}
             fields = section_fields(stepper.problem, tissues)
-            line = contact_line(stepper.problem)
+            line, lining = skin_line(stepper.problem), None
+            if self.liner and self.liner.bonded == "limb":
+                lining = contact_line(stepper.problem)
             if self.comm.size > 1:
-                fields, line = self.comm.bcast((fields, line), root=0)
+                fields, line, lining = self.comm.bcast((fields, line, lining), root=0)
         assert fields is not None and line is not None
         record = CaseRecord(
             socket=self.socket.name,
@@ -302,7 +302,7 @@ class Simulation:
             seconds=self.phases.seconds,
             checks=checks,
         )
-        return Result(record, fields, line, steps_table(stepper.steps, checks))
+        return Result(record, fields, line, steps_table(stepper.steps, checks), lining)
 
 
 def checked_size(size: str | int | MeshSize) -> MeshSize:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from mpi4py import MPI
 
+from calfsocket.contact.parameters import Contact
 from calfsocket.materials.law import Law
 from calfsocket.materials.liner import LINER_LAWS
 from calfsocket.materials.material_set import BaseSet, MaterialSet
@@ -19,7 +20,7 @@ from calfsocket.mechanics.stepping import LoadStep, LoadStepper
 from calfsocket.meshes import tags
 from calfsocket.meshes.lining import hoop
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.verification.exact_ring import ring_errors
+from calfsocket.verification.exact_ring import RADIAL, ring_errors
 from calfsocket.verification.radial import (
     LIMB,
     SOCKET,
@@ -29,10 +30,14 @@ from calfsocket.verification.radial import (
     exact_ring,
 )
 from calfsocket.verification.report import LOG, Check, Curve, Section, curves
-from calfsocket.verification.sampling import FloatArray, skin_mean
+from calfsocket.verification.sampling import FloatArray, skin_mean, worst
 
-OVERCLOSURE = 0.6
-"""mm."""
+OVERCLOSURE = 0.92
+"""As of `exact_ring`, mm."""
+
+SKIN_POINTS = 16
+"""Gauss points on a skin edge. Four do not resolve the kinks of the shape functions that they press
+on: a soft liner inside the socket feels it as a few parts in 100 000 of its pressure."""
 
 THICKNESS = 6.0
 """Of the liner, mm."""
@@ -50,10 +55,11 @@ class Lined(NamedTuple):
 
 CASES = {
     "liner on the limb": Lined("limb"),
-    "undersized liner on the limb": Lined("limb", 0.08),
-    "undersized liner in the socket": Lined("socket", 0.08),
+    "undersized liner on the limb": Lined("limb", 0.05),
+    "liner in the socket": Lined("socket"),
+    "undersized liner in the socket": Lined("socket", 0.05),
     "swollen muscle, shrunken fat": Lined("", 0.0, {"muscle": 1.03, "fat": 0.97}),
-    "all three": Lined("limb", 0.08, {"muscle": 1.03, "fat": 0.97, "skin": 0.98}),
+    "all of it": Lined("limb", 0.03, {"muscle": 1.03, "fat": 0.97, "skin": 1.02}),
 }
 
 
@@ -108,7 +114,7 @@ class LinedRing:
         socket = (inner, inner + SOCKET_THICKNESS)
         section = ring_mesh(MPI.COMM_SELF, layers, socket, h, lining=self.lining)
         laws = {name: self.laws[tissue] for name, tissue in self.tissues.items()}
-        problem = limb_problem(section, laws)
+        problem = limb_problem(section, laws, Contact(gauss_points=SKIN_POINTS))
         states: dict[str, StressFreeState] = {
             name: self.case.swollen[tissue]
             for name, tissue in self.tissues.items()
@@ -144,3 +150,32 @@ def around(points: FloatArray) -> FloatArray:
     """Return the direction around the origin at positions, (n, 2)."""
     turned = np.stack([-points[:, 1], points[:, 0]], axis=1)
     return turned / np.linalg.norm(points, axis=1)[:, None]
+
+
+BARS = {
+    "contact pressure": ("pressure", 1e-6),
+    "radius of what meets the socket": ("radius", 1e-6),
+    "mean stress of a ring": ("mean_stress", 1e-5),
+    "mean stretch of a ring": ("mean_stretch", 1e-6),
+}
+"""What is checked of a load step: its column and its bar, at 1 mm elements."""
+
+SIZES = (4.0, 2.0, 1.0)
+
+
+def report() -> Section:
+    """Compare all cases with their exact solutions, in both load steps."""
+    checks: list[Check] = []
+    convergence: list[Curve] = []
+    styles = ("o-", "s-", "^-", "v-", "D-", "x-")
+    for (name, case), style in zip(CASES.items(), styles, strict=True):
+        ring = LinedRing(case)
+        by_size = [ring.solve(h) for h in SIZES]
+        convergence.append((SIZES, [abs(each.pressure.iloc[-1]) for each in by_size], style, name))
+        finest = by_size[-1]
+        checks += [
+            Check(f"{name}: {what}", worst(finest[column].to_numpy()), bar, RADIAL)
+            for what, (column, bar) in BARS.items()
+        ]
+    labels = ("element side, mm", "relative error of contact pressure")
+    return Section(checks, {"lined_ring_convergence": curves(labels, convergence, **LOG)})
