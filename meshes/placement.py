@@ -121,8 +121,9 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
     area_reduction = 1 - inner.area / skin.area
     if liner and (left := _room_left(limb, loops, skin, inner)) < LEAST_ROOM:
         raise InputError(
-            f"leaves soft tissue and a liner of {liner.thickness:g} mm {100 * max(left, 0):.0f} % of"
-            " their area, and they lose little volume; make the liner thinner or the socket larger"
+            f"leaves soft tissue and a liner of {liner.thickness:g} mm"
+            f" {100 * max(left, 0):.0f} % of their area, and they lose"
+            " little volume; make the liner thinner or the socket larger"
         )
     if floating and area_reduction < NOT_SMALLER:
         _check_grip(socket, area_reduction, points, face)

@@ -181,12 +181,7 @@ class Findings:
 
 
 def _areas(fields: SectionFields) -> tuple[float, float]:
-    of_limb, of_socket = [*SUMMARY_TISSUES, "bone"], ["socket"]
-    (of_limb if fields.lined_limb else of_socket).append("liner")
-    paths = (
-        section.boundary(fields.cells[fields.cells_of(*tissues)], fields.points)
-        for tissues in (of_limb, of_socket)
-    )
+    paths = (section.boundary(fields.cells[body], fields.points) for body in fields.bodies)
     limb, socket = ([Polygon(np.asarray(ring)) for ring in each.to_polygons()] for each in paths)
     outline, cavity = max(limb, key=area), min(socket, key=area)
     outside = area(difference(outline, cavity))
