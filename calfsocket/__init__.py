@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from calfsocket.contact.parameters import Contact as Contact
     from calfsocket.imaging.levels import LimbLevels as LimbLevels
     from calfsocket.imaging.limb import Limb as Limb
+    from calfsocket.imaging.socket_scan import Socket as Socket
     from calfsocket.io.errors import CalfsocketError as CalfsocketError
     from calfsocket.io.errors import ConvergenceError as ConvergenceError
     from calfsocket.io.errors import InputError as InputError
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from calfsocket.materials.hencky import Hencky as Hencky
     from calfsocket.materials.law import Law as Law
     from calfsocket.materials.laws import material_law as material_law
+    from calfsocket.materials.liner import Liner as Liner
     from calfsocket.materials.material_set import MaterialSet as MaterialSet
     from calfsocket.materials.ogden import Ogden as Ogden
     from calfsocket.materials.yeoh import Yeoh as Yeoh
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from calfsocket.meshes.socket import CircleBlend as CircleBlend
     from calfsocket.meshes.socket import NormalOffset as NormalOffset
     from calfsocket.meshes.socket import Outline as Outline
-    from calfsocket.meshes.socket import Socket as Socket
+    from calfsocket.meshes.socket import Sections as Sections
     from calfsocket.simulation.result import Result as Result
     from calfsocket.simulation.results import Results as Results
     from calfsocket.simulation.results import load_results as load_results
@@ -57,6 +59,7 @@ _MODULES = {
     "Hencky": "materials.hencky",
     "Law": "materials.law",
     "material_law": "materials.laws",
+    "Liner": "materials.liner",
     "MaterialSet": "materials.material_set",
     "Ogden": "materials.ogden",
     "Yeoh": "materials.yeoh",
@@ -66,7 +69,8 @@ _MODULES = {
     "CircleBlend": "meshes.socket",
     "NormalOffset": "meshes.socket",
     "Outline": "meshes.socket",
-    "Socket": "meshes.socket",
+    "Sections": "meshes.socket",
+    "Socket": "imaging.socket_scan",
     "Result": "simulation.result",
     "Results": "simulation.results",
     "load_results": "simulation.results",

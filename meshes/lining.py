@@ -14,7 +14,7 @@ from calfsocket.io.units import LENGTH, SHARE
 from calfsocket.meshes import curves, tags
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.frame import Frame
-from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.limb import Limb, Provenance
 from calfsocket.meshes.socket import Socket, check_face, check_wall
 
 Bond = Literal["limb", "socket"]
@@ -65,8 +65,18 @@ def hoop(undersize: float, direction: Callable[[Array], Array]) -> Callable[[Arr
 class Worn:
     """What a socket's inner face is made for: a limb, with its liner."""
 
+    limb: Limb
     skin: ClosedCurve  #: the surface that the socket meets
-    frame: Frame
+
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior are."""
+        return self.limb.frame
+
+    @property
+    def source(self) -> Provenance | None:
+        """What the limb was made from."""
+        return self.limb.source
 
 
 @dataclass(frozen=True)
@@ -110,7 +120,7 @@ def fitted(limb: Limb, socket: Socket, liner: Lining | None = None) -> Fit:
         return Fit(inner, outer, None, skin, inner, skin)
     with error_context(tags.LINER):
         around = _layer(skin, liner.thickness, limb.frame, "the skin")
-    inner, outer = socket.faces(Worn(around, limb.frame))
+    inner, outer = socket.faces(Worn(limb, around))
     if liner.bonded == "limb":
         return Fit(inner, outer, around, around, inner, skin)
     with error_context(tags.LINER):

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from calfsocket.report import along
 from calfsocket.report.figures import geometry, maps, pressure
 from calfsocket.report.findings import Findings
 
@@ -11,6 +12,7 @@ from calfsocket.report.findings import Findings
 def figures(findings: Findings) -> dict[str, Callable[[], Figure]]:
     """Return the figures of a study by name, not yet drawn."""
     return {
+        **along.figures(findings),
         "regions": lambda: geometry.regions(findings),
         "overlays": lambda: geometry.overlays(findings),
         "effective_stress": lambda: maps.draw_map(findings, maps.EFFECTIVE_STRESS),
