@@ -284,8 +284,8 @@ TRIALS = (
           ("loads: loads are not implemented",)),
     Trial(
         "an unknown key that is near to none",
-        GOOD + "[lines]\n",
-        ("unknown key 'lines'; allowed: cases, laws, materials",),
+        GOOD + "[zebra]\n",
+        ("unknown key 'zebra'; allowed: cases, laws, materials",),
     ),
     Trial(
         "an unknown key of a socket",
