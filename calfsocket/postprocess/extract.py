@@ -7,11 +7,14 @@ import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from calfsocket.contact.friction import STATUS_NAMES
+from calfsocket.contact.bonded import BondedSkin
+from calfsocket.contact.friction import STATUS_NAMES, STICK
+from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.forms.measures import cauchy_stress
+from calfsocket.mechanics.limb_problem import bonded_to_limb
 from calfsocket.mechanics.problem import Problem
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
@@ -32,6 +35,8 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
     n_cells = domain.topology.index_map(2).size_local
     nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
     F, stress, p = _at_gauss_points(model, n_cells)
+    state = model.fields.stress_free
+    G = np.tile(np.eye(2), (n_cells, 3, 1, 1)) if state.tensor is None else state.at(GAUSS_POINTS)
     collected = model.comm.gather(
         (
             domain.topology.original_cell_index[:n_cells],
@@ -42,6 +47,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
             F,
             stress,
             p,
+            G,
         ),
         root=0,
     )
@@ -49,7 +55,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         return None
     number, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
     order = np.argsort(number)
-    node, x, u, region, F, stress, p = (part[order] for part in parts)
+    node, x, u, region, F, stress, p, G = (part[order] for part in parts)
     points = np.zeros((node.max() + 1, 2))
     displacement = np.zeros_like(points)
     points[node] = x
@@ -65,24 +71,53 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         stress=KILOPASCAL * stress,
         deformation_gradient=F,
         pressure=-KILOPASCAL * p,
+        elastic_gradient=None if state.tensor is None else F @ np.linalg.inv(G),
     )
 
 
 def contact_line(model: Problem) -> ContactLine | None:
-    """Contact along the skin; on rank 0 (collective)."""
+    """Contact along the limb's side: skin, or a liner that is bonded to it (collective).
+
+    Returned on rank 0.
+    """
     contact = model.contact
     state = contact.state()
     law = state.traction
-    collected = model.comm.gather(
+    return _line(contact, law.pressure, law.shear, state.reduced_gap, law.status)
+
+
+def skin_line(model: Problem) -> ContactLine | None:
+    """Contact along the skin; on rank 0 (collective).
+
+    Under a liner that is bonded to it that is the traction between the two, which sticks
+    everywhere; its pressure is negative where the liner pulls.
+    """
+    if not bonded_to_limb(model.section):
+        return contact_line(model)
+    skin = BondedSkin(model.w, model.section, model.region_laws, model.fields)
+    traction = skin.traction()
+    n = len(traction.pressure)
+    return _line(skin, traction.pressure, traction.shear, np.zeros(n), np.full(n, STICK))
+
+
+def _line(
+    contact: ContactInterface,
+    pressure: NDArray[np.float64],
+    shear: NDArray[np.float64],
+    gap: NDArray[np.float64],
+    status: NDArray[np.int64],
+) -> ContactLine | None:
+    """Collect values at the points of an interface along its skin; on rank 0 (collective)."""
+    collected = contact.comm.gather(
         (
             contact.skin.nodes,
             contact.points.reference,
             contact.deformed_points(),
             contact.points.weight,
-            law.pressure,
-            law.shear,
-            state.reduced_gap,
-            law.status,
+            pressure,
+            shear,
+            gap,
+            status,
         ),
         root=0,
     )

@@ -40,6 +40,9 @@ class SectionFields:
     """In-plane F at the Gauss points, (n_cells, 3, 2, 2); F33 = 1 (plane strain)."""
     pressure: NDArray[np.float64]
     """Of the mixed field at the Gauss points, kPa, > 0 in compression, (n_cells, 3)."""
+    elastic_gradient: NDArray[np.float64] | None = None
+    """Fe = F G^-1, which stresses and reported strains are of, where a region has a stress-free
+    state G of its own; as `deformation_gradient`. None where it is F in all regions."""
     gauss_points: ClassVar[NDArray[np.float64]] = GAUSS_POINTS
 
     def __post_init__(self) -> None:
@@ -53,6 +56,8 @@ class SectionFields:
             "deformation_gradient": (n_cells, 3, 2, 2),
             "pressure": (n_cells, 3),
         }
+        if self.elastic_gradient is not None:
+            shapes["elastic_gradient"] = (n_cells, 3, 2, 2)
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}, not {shape}")
@@ -74,6 +79,12 @@ class SectionFields:
             raise ValueError("deformation_gradient has det F <= 0: a cell is inverted")
 
     @property
+    def elastic(self) -> NDArray[np.float64]:
+        """In-plane deformation gradient from the stress-free state, (n_cells, 3, 2, 2)."""
+        none = self.elastic_gradient is None
+        return self.deformation_gradient if none else self.elastic_gradient  # type: ignore[return-value]
+
+    @property
     def deformed(self) -> NDArray[np.float64]:
         """Deformed positions of the nodes, mm, (n_nodes, 2)."""
         return self.points + self.displacement
@@ -81,6 +92,15 @@ class SectionFields:
     def cells_of(self, *tissues: str) -> NDArray[np.int64]:
         """Return the indices of the cells of some tissues."""
         return np.flatnonzero(np.isin(self.tissue, [TISSUES.index(name) for name in tissues]))
+
+    @cached_property
+    def bodies(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Cells of the limb and of the socket; a liner is a part of the one it is bonded to."""
+        socket, liner = self.cells_of("socket"), self.cells_of("liner")
+        limb = np.setdiff1d(np.arange(len(self.cells)), [*socket, *liner])
+        if np.intersect1d(self.cells[limb], self.cells[liner]).size:
+            return np.sort(np.append(limb, liner)), socket
+        return limb, np.sort(np.append(socket, liner))
 
     @cached_property
     def gauss_area(self) -> NDArray[np.float64]:

@@ -84,6 +84,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "findings": findings,
         "results": results,
         "limb": findings.limb,
+        "liner": findings.liner,
         "levels": findings.levels,
         "maps": along.maps(findings),
         "map_files": results.folder.joinpath(MAPS).is_dir(),

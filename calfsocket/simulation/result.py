@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 RESULT_FILE = "result.json"
 CONTACT_FILE = "contact.csv"
+LINER_FILE = "liner_contact.csv"
 STEPS_FILE = "steps.csv"
 
 
@@ -35,10 +36,12 @@ class Result:
     fields : SectionFields
         Displacement, stress and strain of the section.
     line : ContactLine
-        Contact along the skin.
+        Contact along the skin; the traction of the liner where one is bonded to it.
     steps : DataFrame
         Load steps: step, load, converged, reason, newton_iterations, residual_N_per_mm, seconds,
         negative_modes (of the last one).
+    lining : ContactLine, optional
+        Contact of the socket along a liner that is bonded to the limb.
 
     Examples
     --------
@@ -50,6 +53,7 @@ class Result:
     fields: SectionFields
     line: ContactLine
     steps: pd.DataFrame
+    lining: ContactLine | None = None
 
     @property
     def solved(self) -> bool:
@@ -86,7 +90,7 @@ class Result:
 
     @cached_property
     def _summary(self) -> pd.DataFrame:
-        return summary(self.quantities, self.line, self.contact_levels)
+        return summary(self.quantities, self.line, self.contact_levels, self.lining)
 
     def summary(self) -> pd.DataFrame:
         """Return the largest level of every quantity in every tissue, and the contact's numbers.
@@ -117,14 +121,16 @@ class Result:
     def save(self, folder: Path | str) -> Path:
         """Write fields.vtu, contact.csv, steps.csv and result.json; return the folder.
 
-        All of them say at which load this is an equilibrium. result.json is written last: a folder
-        that has one is whole.
+        liner_contact.csv, too, where a liner is bonded to the limb. All of them say at which load
+        this is an equilibrium. result.json is written last: a folder that has one is whole.
         """
         folder = Path(folder)
         load = self.checks.load
         write_fields(folder, self.quantities, load)
-        contact = self.contact.assign(load=load)
-        for name, table in ((CONTACT_FILE, contact), (STEPS_FILE, self.steps)):
+        tables = {CONTACT_FILE: self.contact.assign(load=load), STEPS_FILE: self.steps}
+        if self.lining is not None:
+            tables[LINER_FILE] = self.lining.table.assign(load=load)
+        for name, table in tables.items():
             with replacing(folder / name) as temporary:
                 table.to_csv(temporary, index=False)  # all digits
         write_json(folder / RESULT_FILE, self.record.model_dump(mode="json"))
@@ -161,7 +167,14 @@ class Result:
         from calfsocket.plotting.case import PICTURE_FILE
 
         # result.json first: without it the rest is no result.
-        for name in (RESULT_FILE, FIELDS_FILE, CONTACT_FILE, STEPS_FILE, PICTURE_FILE):
+        for name in (
+            RESULT_FILE,
+            FIELDS_FILE,
+            CONTACT_FILE,
+            LINER_FILE,
+            STEPS_FILE,
+            PICTURE_FILE,
+        ):
             (Path(folder) / name).unlink(missing_ok=True)
 
     @classmethod
@@ -172,8 +185,11 @@ class Result:
             fields = read_fields(folder)
             path = folder / CONTACT_FILE
             line = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
+            lining = None
+            if (path := folder / LINER_FILE).is_file():
+                lining = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
             path = folder / STEPS_FILE
             steps = pd.read_csv(path, float_precision="round_trip").fillna({"reason": ""})
         except (OSError, ValueError, KeyError) as error:
             raise InputError(f"{path}: cannot be read ({error}); solve the case again") from None
-        return cls(record, fields, line, steps)
+        return cls(record, fields, line, steps, lining)
