@@ -285,7 +285,7 @@ TRIALS = (
     Trial(
         "an unknown key that is near to none",
         GOOD + "[zebra]\n",
-        ("unknown key 'zebra'; allowed: cases, laws, materials",),
+        ("unknown key 'zebra'; allowed: cases, laws, liner, materials",),
     ),
     Trial(
         "an unknown key of a socket",
