@@ -65,14 +65,20 @@ class Control:
     place: FloatArray
 
     @classmethod
-    def of(cls, held: Sequence[bool], force: FloatArray, place: FloatArray) -> "Control":
+    def of(
+        cls, held: Sequence[bool] | NDArray[np.bool_], force: FloatArray, place: FloatArray
+    ) -> "Control":
         """Prescribe the place of the components that are held, and the force of the others."""
         is_held = np.asarray(held, dtype=float)
         return cls(np.diag(1.0 - is_held), np.diag(is_held), force, place)
 
     @classmethod
     def along(
-        cls, held: Sequence[bool], force: FloatArray, place: FloatArray, direction: FloatArray
+        cls,
+        held: Sequence[bool] | NDArray[np.bool_],
+        force: FloatArray,
+        place: FloatArray,
+        direction: FloatArray,
     ) -> "Control":
         """Prescribe the way along a direction of the forces, whose size along it is unknown.
 
