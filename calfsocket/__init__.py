@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from calfsocket.contact.parameters import Contact as Contact
+    from calfsocket.imaging.levels import LimbLevels as LimbLevels
     from calfsocket.imaging.limb import Limb as Limb
     from calfsocket.io.errors import CalfsocketError as CalfsocketError
     from calfsocket.io.errors import ConvergenceError as ConvergenceError
@@ -61,6 +62,7 @@ _MODULES = {
     "Yeoh": "materials.yeoh",
     "LoadSteps": "mechanics.stepping",
     "Limb": "imaging.limb",
+    "LimbLevels": "imaging.levels",
     "CircleBlend": "meshes.socket",
     "NormalOffset": "meshes.socket",
     "Outline": "meshes.socket",

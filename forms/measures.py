@@ -15,8 +15,10 @@ def cauchy_stress(material: Material, F: Expr, p: Expr) -> Expr:
 
         sigma = 2 psi_q D(F) F^T / J + (psi_J + p) I,   sigma33 = p - 2 (psi_q q / J + psi_J).
 
-    F is the in-plane deformation gradient (2x2), p the `mixed.pressure`.
+    F is the in-plane deformation gradient (2x2), p the `mixed.pressure`; from a stress-free state G
+    the stress is that of F G^-1.
     """
+    F = material.elastic(F)
     by = isochoric(material.law_form, F, material.coefficients)
     q, J = stretch_difference_squared(F), ufl.det(F)
     # One `isochoric` for all components: FFCx compares equal expressions of two for seconds.

@@ -10,6 +10,13 @@ incompressible 1/K = 0 and the last term is absent. For "linear elastic" tissues
 p = K ln J instead: in vessels (K = 167 kPa) at 15 kPa J is 0.910 here and 0.914 there; bone and
 PETG do not show the difference.
 
+A material may have a stress-free state of its own, which an in-plane tensor G makes of the
+reference: a tissue that has swollen, a layer that is stretched where it lies. The law then sees the
+elastic part of the deformation gradient, Fe = F G^-1, and the energy is that of the stress-free
+volume, det(G) W(Fe, p) per reference volume, so that P = Pe cof(G) (Rodriguez, Hoger and McCulloch
+1994, doi:10.1016/0021-9290(94)90021-3, with "growth" for G). Out of the plane nothing is stretched:
+F33 = G33 = 1.
+
 The unknown is p_dof, with p = pressure_scale * p_dof and the tissue's shear modulus as the scale,
 so that soft and stiff tissues have unknowns of like size.
 
@@ -51,6 +58,19 @@ class Material:
     coefficients: tuple[Expr, ...]  #: what it takes
     inverse_bulk: Expr  #: 1/K, 1/MPa; 0 where incompressible
     pressure_scale: Expr  #: pressure of a unit value of the unknown, MPa
+    stress_free: Expr | None = None  #: in-plane tensor G (2x2) of its stress-free state, if not I
+
+    def elastic(self, gradient: Expr) -> Expr:
+        """Part of a gradient by reference coordinates that counts from the stress-free state."""
+        return gradient if self.stress_free is None else gradient * ufl.inv(self.stress_free)
+
+    def per_reference_volume(self, density: Expr) -> Expr:
+        """Density per reference volume of one per stress-free volume."""
+        return density if self.stress_free is None else ufl.det(self.stress_free) * density
+
+    def nominal(self, stress: Expr) -> Expr:
+        """First Piola-Kirchhoff stress (2x2) of that by the stress-free state."""
+        return stress if self.stress_free is None else stress * cofactor(self.stress_free)
 
 
 @dataclass(frozen=True)
@@ -116,10 +136,12 @@ def pressure(p_dof: Expr, pressure_scale: Expr) -> Expr:
 def first_piola(material: Material, F: Expr, p: Expr) -> Expr:
     """First Piola-Kirchhoff stress P = 2 psi_q D(F) + (psi_J + p) cof F (2x2), MPa.
 
-    F is the in-plane deformation gradient (2x2), p the `pressure`.
+    F is the in-plane deformation gradient (2x2), p the `pressure`; from a stress-free state G it is
+    the stress of F G^-1, times cof G.
     """
+    F = material.elastic(F)
     by = isochoric(material.law_form, F, material.coefficients)
-    return 2.0 * by.q * distortion(F) + (by.J + p) * cofactor(F)
+    return material.nominal(2.0 * by.q * distortion(F) + (by.J + p) * cofactor(F))
 
 
 def first_piola_increment(material: Material, F: Expr, p: Expr, dF: Expr, dp: Expr) -> Expr:
@@ -128,7 +150,9 @@ def first_piola_increment(material: Material, F: Expr, p: Expr, dF: Expr, dp: Ex
     The same as `ufl.derivative` gives, but compiled in half the time: the law is differentiated by
     its two invariants only, and D and cof are linear.
     """
-    return _increment(isochoric(material.law_form, F, material.coefficients), F, p, dF, dp)
+    F, dF = material.elastic(F), material.elastic(dF)
+    by = isochoric(material.law_form, F, material.coefficients)
+    return material.nominal(_increment(by, F, p, dF, dp))
 
 
 def _increment(by: Isochoric, F: Expr, p: Expr, dF: Expr, dp: Expr) -> Expr:
@@ -144,14 +168,16 @@ def _increment(by: Isochoric, F: Expr, p: Expr, dF: Expr, dp: Expr) -> Expr:
 
 
 def _volumetric(material: Material, F: Expr, p: Expr) -> Expr:
-    """Residual of the volume, which vanishes at J - 1 = p/K."""
-    return ufl.det(F) - 1.0 - p * material.inverse_bulk
+    """Residual of the volume, which vanishes at J - 1 = p/K with the elastic J."""
+    volume = ufl.det(material.elastic(F)) - 1.0 - p * material.inverse_bulk
+    return material.per_reference_volume(volume)
 
 
 def stresses(material: Material, F: Expr, p: Expr) -> Expr:
     """Stress measures of the residual at a point, for residuals that are assembled without UFL.
 
-    They are P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa; (5,).
+    They are P11, P12, P21, P22, pressure_scale (J - 1 - p/K), MPa; (5,). The loops have the
+    stress-free state themselves.
     """
     P = first_piola(material, F, p)
     volumetric = material.pressure_scale * _volumetric(material, F, p)
@@ -196,8 +222,10 @@ def potential(w: Expr, materials: Mapping[int, Material], dx: ufl.Measure) -> uf
 
     def density(material: Material) -> Expr:
         p = pressure(p_dof, material.pressure_scale)
-        psi = isochoric(material.law_form, F, material.coefficients).psi
-        return psi + p * (ufl.det(F) - 1.0) - 0.5 * p**2 * material.inverse_bulk
+        Fe = material.elastic(F)
+        psi = isochoric(material.law_form, Fe, material.coefficients).psi
+        energy = psi + p * (ufl.det(Fe) - 1.0) - 0.5 * p**2 * material.inverse_bulk
+        return material.per_reference_volume(energy)
 
     return sum(density(material) * dx(tag) for tag, material in materials.items())
 
@@ -226,8 +254,8 @@ def tangent(w: Expr, materials: Mapping[int, Material], dx: ufl.Measure) -> ufl.
     def density(material: Material) -> Expr:
         p, q, dp = (pressure(each, material.pressure_scale) for each in (p_dof, p_test, dp_dof))
         dP = first_piola_increment(material, F, p, dF, dp)
-        return ufl.inner(dP, ufl.grad(v)) + q * (
-            ufl.inner(cofactor(F), dF) - dp * material.inverse_bulk
-        )
+        Fe, dFe = material.elastic(F), material.elastic(dF)
+        d_volume = ufl.inner(cofactor(Fe), dFe) - dp * material.inverse_bulk
+        return ufl.inner(dP, ufl.grad(v)) + q * material.per_reference_volume(d_volume)
 
     return sum(density(material) * dx(tag) for tag, material in materials.items())

@@ -143,6 +143,8 @@ class Provenance(Strict):
         Where the section lies, as it was asked for.
     height : float
         The same as a share of the source's height, 0 distal and 1 proximal.
+    height_mm : float
+        The same in mm from the distal end.
     origin, normal, anterior : tuple of float
         The section's origin, mm, its normal to the proximal end and its +y, in the source's axes.
     tolerance_mm : float
@@ -157,6 +159,7 @@ class Provenance(Strict):
     files: dict[str, str]
     level: str | None = None
     height: float | None = None
+    height_mm: float | None = None
     origin: tuple[float, float, float] | None = None
     normal: tuple[float, float, float] | None = None
     anterior: tuple[float, float, float] | None = None
@@ -221,6 +224,11 @@ class Limb(Strict):
         """Set remarks apart, read a side such as "left leg seen from above", number regions."""
         if not isinstance(data, dict):
             return data
+        if "levels" in data and "curves" not in data:
+            raise ValueError(
+                "lists the levels of a limb; name one of the sections that it lists, or use it as"
+                " `limb` of a study"
+            )
         data, found = dict(data), []
         regions = data.get("regions")
         if isinstance(regions, list | tuple) and all(isinstance(each, dict) for each in regions):

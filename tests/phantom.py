@@ -24,11 +24,12 @@ LEVELS = 41
 
 @cache
 def outline(part: str) -> np.ndarray:
-    """Points of a curve of the reference calf, evenly along it."""
-    curve = limb_curves(Limb.reference())[PARTS[part]]
+    """Points of a curve of the reference calf, evenly along it; a part, or the curve's own name."""
+    curve = limb_curves(Limb.reference())[PARTS.get(part, part)]
     t = curve.sample(0.05)
     points = curve.evaluate(t)
-    return points[np.linspace(0, len(points), POINTS[part], endpoint=False).astype(int)]
+    number = POINTS.get(part, 120)
+    return points[np.linspace(0, len(points), number, endpoint=False).astype(int)]
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ SUBJECTS = (
     "test_bad_outlines",
     "test_bad_sources",
     "test_bad_sections",
+    "test_bad_levels",
     "test_bad_data",
     "test_faults",
     "test_mpi_faults",

@@ -234,7 +234,7 @@ def write_results(
         beyond = shares_beyond(made.quantities, made.line, thresholds)
         summary = pd.concat([made.summary(), beyond]) if thresholds else made.summary()
         for name, rows in (("summary", summary), ("contact", made.contact), ("steps", made.steps)):
-            tables[name].append(of_case(rows, key))
+            tables[name].append(of_case(rows, made.record))
         records.append(made.record)
     for name, parts in tables.items():
         path = folder / f"{name}.csv"

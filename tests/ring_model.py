@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -23,6 +23,7 @@ LAYERS = [
     ("skin", 30.0, 32.0),
 ]
 SOCKET = (31.8, 36.0)
+SWOLLEN = {"fat": 1.02, "skin": 0.99}
 TISSUES = {name: name for name in ("bone", "muscle", "fat", "skin", "socket")}
 
 
@@ -33,9 +34,12 @@ def ring_model(comm: MPI.Comm, support: SocketSupport = "floating", h: float = 3
     return limb_problem(section, {name: laws[name] for name in section.regions}, support=support)
 
 
-def solved_ring(comm: MPI.Comm) -> LoadStepper:
-    """Solve it."""
-    stepper = LoadStepper(ring_model(comm), LoadSteps(first=0.5, largest=0.5))
+def solved_ring(comm: MPI.Comm, swollen: Mapping[str, float] | None = None) -> LoadStepper:
+    """Solve it, with regions that swell to a volume ratio while the load grows."""
+    problem = ring_model(comm)
+    if swollen:
+        problem.set_stress_free(swollen)
+    stepper = LoadStepper(problem, LoadSteps(first=0.5, largest=0.5))
     stepper.run()
     return stepper
 
@@ -101,6 +105,7 @@ def describe_pulled(stepper: LoadStepper) -> dict[str, object]:
 if __name__ == "__main__":
     result = {
         "ring": describe(solved_ring(MPI.COMM_WORLD)),
+        "swollen": describe(solved_ring(MPI.COMM_WORLD, SWOLLEN)),
         "pulled": describe_pulled(pulled_rings(MPI.COMM_WORLD)),
     }
     if MPI.COMM_WORLD.rank == 0:

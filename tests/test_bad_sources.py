@@ -192,6 +192,14 @@ def nifti_header(folder: Path, dim: tuple[int, ...], size: int) -> list[str]:
     return [str(folder / "limb.nii")]
 
 
+def coloured_voxels(folder: Path) -> list[str]:
+    given = nifti_header(folder, (3, 40, 40, 20), 3 * 40 * 40 * 20)
+    content = bytearray((folder / "limb.nii").read_bytes())
+    struct.pack_into("<2h", content, 70, 128, 24)  # RGB24
+    (folder / "limb.nii").write_bytes(content)
+    return given
+
+
 def a_gzipped_bomb(folder: Path) -> list[str]:
     content = (
         b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 700 700 700\n"
@@ -320,6 +328,7 @@ TRIALS = (
           ("label skin or flesh too",)),
     Trial("grey values", an_image, ("an image, not labels",)),
     Trial("a label map with four dimensions", four_dimensions, ("has 4 dimensions",)),
+    Trial("a NIfTI in colours", coloured_voxels, ("has several values a voxel",)),
     Trial("a NIfTI of 400 MB by its header", a_huge_header, ("400 MB announced",)),
     Trial("343 million voxels in a packed file of 1 kB", a_gzipped_bomb, ("343 MB announced",)),
     Trial("a NIfTI that ends too early", truncated_map(nifti, "limb.nii"), ("is not complete",)),

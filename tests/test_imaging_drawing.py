@@ -150,9 +150,9 @@ def test_many_levels(
     words = ["limb", *map(str, paths), "--tissues", "lumped", "--out", "mine.json"]
     assert cli.main([*words, "--levels", "0:0.6:4"]) == 0
     shown = capsys.readouterr().out
-    assert sorted(path.name for path in tmp_path.glob("mine*.json")) == [
+    assert sorted(path.name for path in tmp_path.glob("mine_*.json")) == [
         "mine_0.200.json", "mine_0.400.json", "mine_0.600.json",
     ]  # fmt: skip
     assert "left out: skin.stl, tibia.stl, fibula.stl, level 0: " in shown
-    areas = [cs.Limb.read(path).areas["tibia"] for path in sorted(tmp_path.glob("mine*.json"))]
+    areas = [cs.Limb.read(path).areas["tibia"] for path in sorted(tmp_path.glob("mine_*.json"))]
     assert areas == sorted(areas)  # it tapers

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import nibabel
 import numpy as np
 import pytest
 import shapely
@@ -18,6 +19,7 @@ from vtkmodules.vtkIOImage import vtkNIFTIImageWriter
 
 import calfsocket as cs
 from calfsocket.imaging.labels import read_labels
+from calfsocket.imaging.volume import read_volume
 
 PARTS = ("skin", "muscle", "tibia", "fibula")
 TABLE = "label,region\n1,fat\n2,muscle\n3,tibia\n4,fibula\n"
@@ -117,6 +119,43 @@ def test_every_format_gives_the_limb(
         assert distance < 0.8  # half a voxel, and the height of the section
     deviations = [r.deviation_mm for r in limb.regions if r.deviation_mm is not None]
     assert max(deviations) <= 1.0
+
+
+def said_by_header(labels: np.ndarray, affine: np.ndarray) -> dict[str, nibabel.Nifti1Image]:
+    """The map as headers of other kinds say where it lies."""
+    by_qform = nibabel.Nifti1Image(labels[::-1], None)  # left-handed: qfac is -1
+    turned_over = affine * [-1.0, 1, 1, 1] + np.outer(affine[:, 0], [0, 0, 0, len(labels) - 1])
+    by_qform.set_qform(np.vstack([turned_over, [0, 0, 0, 1]]), 1)
+    assert by_qform.header["pixdim"][0] == -1 and not by_qform.header["sform_code"]
+    in_metres = nibabel.Nifti1Image(labels, np.vstack([affine / 1000, [0, 0, 0, 1]]))
+    in_metres.header.set_xyzt_units("meter")
+    whole = np.vstack([affine, [0, 0, 0, 1]])
+    scaled = nibabel.Nifti1Image((labels * 2 + 4).astype(np.int16), whole)
+    scaled.header.set_slope_inter(0.5, -2)
+    big = nibabel.Nifti1Header(endianness=">")
+    return {
+        "qform": by_qform,
+        "metres": in_metres,
+        "scaled": scaled,
+        "floats": nibabel.Nifti1Image(labels.astype(np.float32), whole),
+        "big-endian": nibabel.Nifti1Image(labels.astype(">i2"), whole, big),
+        "NIfTI-2": nibabel.Nifti2Image(labels[..., None], whole),
+    }
+
+
+@pytest.mark.parametrize("kind", ["qform", "metres", "scaled", "floats", "big-endian", "NIfTI-2"])
+def test_nifti_headers_of_other_kinds(tmp_path: Path, kind: str) -> None:
+    _, labels, affine = tilted_map()
+    nibabel.save(said_by_header(labels, affine)[kind], tmp_path / "limb.nii.gz")
+    found = read_volume(tmp_path / "limb.nii.gz", None)
+    places = [np.argwhere(each == 3).mean(axis=0) for each in (found.labels, labels)]
+    middle, true = (
+        to[:, :3] @ place + to[:, 3]
+        for to, place in zip((found.affine, affine), places, strict=True)
+    )
+    assert middle == pytest.approx(true, abs=1e-3)
+    assert np.array_equal(np.unique(found.labels), np.unique(labels))
+    assert found.superior is not None
 
 
 def test_axes_in_any_order_give_the_same_limb(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from calfsocket.meshes import tags
 from calfsocket.meshes.rings import ring_mesh
 from ring_model import (
     SOCKET,
+    SWOLLEN,
     describe,
     describe_pulled,
     pulled_rings,
@@ -127,7 +128,11 @@ def test_petsc_options_reach_the_solver():
 
 @pytest.fixture(scope="module")
 def one(solved):
-    return {"ring": describe(solved), "pulled": describe_pulled(pulled_rings(MPI.COMM_SELF))}
+    return {
+        "ring": describe(solved),
+        "swollen": describe(solved_ring(MPI.COMM_SELF, SWOLLEN)),
+        "pulled": describe_pulled(pulled_rings(MPI.COMM_SELF)),
+    }
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(2, marks=pytest.mark.slow), 3])
@@ -137,7 +142,12 @@ def test_ranks_agree(ranks, one, mpirun):
     for key in ("torque", "volume"):  # prescribed displacements, without contact
         assert found["pulled"][key] == pytest.approx(one["pulled"][key], rel=1e-9), key
     assert found["pulled"]["newton"] == one["pulled"]["newton"]
-    several, one = found["ring"], one["ring"]
+    for limb in ("ring", "swollen"):
+        agree(found[limb], one[limb])
+    assert one["swollen"]["pressing"] > 1.1 * one["ring"]["pressing"]
+
+
+def agree(several, one):
     assert several["newton"] == one["newton"]
     assert several["region"] == one["region"]
     assert several["points"] == one["points"]

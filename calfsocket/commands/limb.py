@@ -5,19 +5,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import command, first_rank, group, option
-from calfsocket.io.errors import InputError
+from calfsocket.io.errors import InputError, error_context
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from calfsocket.imaging.anatomy import Said
-    from calfsocket.imaging.limb import Imported
-    from calfsocket.imaging.plane import Level
+    from calfsocket.imaging.anatomy import Anatomy, Said
+    from calfsocket.imaging.limb import Filling, Imported
     from calfsocket.imaging.section import Section
+    from calfsocket.imaging.source import Source
 
 
-#: Levels of one limb that may be asked for at once.
-MOST_LEVELS = 200
+_NOT_OF_DRAWINGS = "does not belong to a drawing of the section; omit it"
 
 
 @command(
@@ -33,7 +32,8 @@ MOST_LEVELS = 200
     option(
         "--levels",
         metavar="FROM:TO:N",
-        help="N levels from one share to another, e.g. 0.2:0.8:13; a file for each",
+        help="N levels from one share to another, e.g. 0.2:0.8:13; a file for each, and"
+        " FILE.json lists them",
     ),
     option(
         "--plane",
@@ -156,82 +156,98 @@ def limb(arguments: Namespace) -> None:
         arguments.fibular_head,
     )
 
-    def write(section: "Section", path: Path) -> None:
-        made = imported(section, filling)
+    def write(made: "Imported", path: Path) -> None:
         made.limb.write(path)
         draw_source(made.limb, made.section.data, path.with_suffix(".png"))
         print(summary(made))
         print(f"written to {path} and {path.with_suffix('.png')}")
 
-    if not arguments.levels:
-        write(_cut(arguments)(None), out)
-        return
-    levels, refused = _levels(arguments), []
-    cut = _cut(arguments)
-    for level in levels:
-        try:
-            write(cut(level), out.with_stem(f"{out.stem}_{level.share:.3f}"))
-        except InputError as error:
-            refused.append(str(error))
-    if len(refused) == len(levels):
-        raise InputError(f"--levels: none can be made; the first: {refused[0]}")
-    for line in refused:
-        print(f"left out: {line}")
+    if arguments.levels:
+        _write_levels(arguments, filling, write)
+    else:
+        write(imported(_section(arguments), filling), out)
 
 
-def _levels(arguments: Namespace) -> "list[Level]":
-    """Read FROM:TO:N."""
-    from calfsocket.imaging.plane import Level
+def _write_levels(
+    arguments: Namespace, filling: "Filling", write: "Callable[[Imported, Path], None]"
+) -> None:
+    """Write the sections of many levels, and the file that lists them."""
+    from calfsocket.imaging.drawing import is_drawing
+    from calfsocket.imaging.levels import imported_levels, levels_of
 
     if arguments.level or arguments.plane:
         raise InputError("--levels: is given with --level or --plane; give one of them")
-    try:
-        low, high, number = arguments.levels.split(":")
-        shares = float(low), float(high)
-        count = int(number)
-    except ValueError:
-        count = 0
-    if not 2 <= count <= MOST_LEVELS:
-        raise InputError(
-            f"--levels: is '{arguments.levels}'; give FROM:TO:N with shares of the height and a"
-            f" number of 2 to {MOST_LEVELS}, such as 0.2:0.8:13"
-        )
-    low, high = shares
-    step = (high - low) / (count - 1)
-    return [Level.parse(round(low + step * i, 6)) for i in range(count)]
+    with error_context("--levels"):
+        levels = levels_of(arguments.levels)
+    if any(map(is_drawing, arguments.source)):
+        raise InputError(f"--levels: {_NOT_OF_DRAWINGS}")
+    source, anatomy = _source(arguments)
+    out = arguments.out
+    found = imported_levels(
+        source,
+        anatomy,
+        levels,
+        arguments.tolerance,
+        filling,
+        out.stem,
+        lambda made, file: write(made, out.with_name(file)),
+    )
+    for each in found.refused:
+        print(f"left out: {each.reason}")
+    found.write_index(out)
+    print(f"{len(found)} levels are listed in {out}")
 
 
-def _cut(arguments: Namespace) -> "Callable[[Level | None], Section]":
-    """Return what makes sections of the source, which is read once."""
-    from calfsocket.imaging.anatomy import Said, find_anatomy
+def _section(arguments: Namespace) -> "Section":
+    """Return the section that is asked for."""
     from calfsocket.imaging.drawing import is_drawing
-    from calfsocket.imaging.limb import plane_of, read_source, voxel_of
+    from calfsocket.imaging.limb import plane_of
     from calfsocket.imaging.plane import Level
     from calfsocket.imaging.section import section
-    from calfsocket.imaging.source import ROLES
 
-    said = Said(arguments.side, arguments.proximal, arguments.anterior)
-    roles = {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
     if any(map(is_drawing, arguments.source)):
-        return lambda _: _drawn(arguments, said, roles)
+        return _drawn(arguments)
     plane = plane_of(arguments.plane) if arguments.plane else None
     if plane and arguments.level:
         raise InputError("--plane: is given with --level; give one of them")
-    chosen = None if plane else Level.parse(arguments.level or 0.5)
+    level = None if plane else Level.parse(arguments.level or 0.5)
+    source, anatomy = _source(arguments)
+    return section(source, anatomy, level, plane, arguments.tolerance)
+
+
+def _source(arguments: Namespace) -> "tuple[Source, Anatomy]":
+    """Read a scan or a label map, and find out how it lies."""
+    from calfsocket.imaging.anatomy import find_anatomy
+    from calfsocket.imaging.limb import read_source, voxel_of
+
     voxel = voxel_of(arguments.voxel) if arguments.voxel else None
-    source = read_source(arguments.source, arguments.units, roles, arguments.labels, voxel)
-    anatomy = find_anatomy(source, said)
-    return lambda level: section(source, anatomy, level or chosen, plane, arguments.tolerance)
+    source = read_source(
+        arguments.source, arguments.units, _roles(arguments), arguments.labels, voxel
+    )
+    return source, find_anatomy(source, _said(arguments))
 
 
-def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Section":
+def _roles(arguments: Namespace) -> dict[str, str]:
+    """Return which file or shell is said to be what."""
+    from calfsocket.imaging.source import ROLES
+
+    return {role: getattr(arguments, role) for role in ROLES if getattr(arguments, role)}
+
+
+def _said(arguments: Namespace) -> "Said":
+    """Return what is said of how the limb lies."""
+    from calfsocket.imaging.anatomy import Said
+
+    return Said(arguments.side, arguments.proximal, arguments.anterior)
+
+
+def _drawn(arguments: Namespace) -> "Section":
     """Return the section that was drawn."""
     from calfsocket.imaging.drawing import read_outlines, roles_of
     from calfsocket.imaging.section import TOLERANCE
 
     for name, value in (
         ("--level", arguments.level),
-        ("--levels", arguments.levels),
         ("--plane", arguments.plane),
         ("--labels", arguments.labels),
         ("--voxel", arguments.voxel),
@@ -239,10 +255,10 @@ def _drawn(arguments: Namespace, said: "Said", roles: dict[str, str]) -> "Sectio
         ("--units", arguments.units != "mm"),
     ):
         if value:
-            raise InputError(f"{name}: does not belong to a drawing of the section; omit it")
+            raise InputError(f"{name}: {_NOT_OF_DRAWINGS}")
     tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
-    parts = roles_of(arguments.source, roles)
-    return read_outlines(parts, said, arguments.seen_from, tolerance)
+    parts = roles_of(arguments.source, _roles(arguments))
+    return read_outlines(parts, _said(arguments), arguments.seen_from, tolerance)
 
 
 def summary(made: "Imported") -> str:

@@ -158,7 +158,8 @@ class ContactInterface:
     ) -> None:
         V = w.function_space
         domain = V.mesh
-        material = surface_material(section, laws, fields, pair.skin)
+        self._region = surface_region(section, laws, pair.skin)
+        self._fields = fields
         self.load = 0.0
         self.parameters = parameters = pair.parameters
         self.edge_parameters, self._edge_weights = np.polynomial.legendre.leggauss(
@@ -172,16 +173,9 @@ class ContactInterface:
         self._entities = self.skin.entities.ravel()
         self._set_up_socket(Face.of(V, facet_tags, boundaries[pair.socket]))
 
-        on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
-        u, p_dof = ufl.split(w)
-        du, dp_dof = ufl.TrialFunctions(V)
-        F = deformation_gradient(u)
-        p, dp = (mixed.pressure(q, material.pressure_scale) for q in (p_dof, dp_dof))
-        stress = mixed.first_piola(material, F, p)
-        d_stress = mixed.first_piola_increment(material, F, p, ufl.grad(du), dp)
-        self._stress = fem.Expression(stress, on_edge, comm=self.comm)
-        self._d_stress = fem.Expression(d_stress, on_edge, comm=self.comm)
-        self.points, self._normal = self._skin_points(on_edge)
+        self._on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
+        self._compile_stress()
+        self.points, self._normal = self._skin_points(self._on_edge)
         dofs = _global(V.dofmap.index_map, self.skin.dofs).reshape(-1, 6)
         self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
 
@@ -190,6 +184,18 @@ class ContactInterface:
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
         self.converged_arc = self._earlier_arc = start.arc
+
+    def _compile_stress(self) -> None:
+        """Make the nominal stress of the skin and its derivative (collective)."""
+        self._material = material = self._fields.of_region(self._region)
+        u, p_dof = ufl.split(self._w)
+        du, dp_dof = ufl.TrialFunctions(self._w.function_space)
+        F = deformation_gradient(u)
+        p, dp = (mixed.pressure(q, material.pressure_scale) for q in (p_dof, dp_dof))
+        stress = mixed.first_piola(material, F, p)
+        d_stress = mixed.first_piola_increment(material, F, p, ufl.grad(du), dp)
+        self._stress = fem.Expression(stress, self._on_edge, comm=self.comm)
+        self._d_stress = fem.Expression(d_stress, self._on_edge, comm=self.comm)
 
     # -- geometry -------------------------------------------------------------------------------
 
@@ -257,6 +263,8 @@ class ContactInterface:
 
     def nominal_traction(self) -> FloatArray:
         """T = P N of the skin at its points, in MPa; (n, 2)."""
+        if self._fields.stress_free.tensor is not self._material.stress_free:
+            self._compile_stress()
         stress = self._evaluate(self._stress).reshape(-1, 2, 2)
         return np.einsum("ncd,nd->nc", stress, self._normal)
 
@@ -386,10 +394,8 @@ def _global(index_map: Any, local: NDArray[np.int32]) -> NDArray[Any]:
     return index_map.local_to_global(local.ravel()).reshape(local.shape).astype(PETSc.IntType)
 
 
-def surface_material(
-    section: SectionMesh, laws: Mapping[str, Law], fields: LawFields, boundary: str
-) -> mixed.Material:
-    """Material of the cells on a boundary, the same on every rank (collective).
+def surface_region(section: SectionMesh, laws: Mapping[str, Law], boundary: str) -> str:
+    """Region of the cells on a boundary, one of them where they have one law (collective).
 
     Raises
     ------
@@ -407,4 +413,4 @@ def surface_material(
     if len({kind(laws[name]) for name in there}) != 1:
         found = sorted({laws[name].name for name in there})
         raise InputError(f"{boundary}: has the laws {found}; it must have one law")
-    return fields.of_region(there.pop())
+    return min(there)

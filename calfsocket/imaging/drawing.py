@@ -93,6 +93,7 @@ def read_outlines(
         plane=None,
         level=None,
         height=None,
+        height_mm=None,
         tolerance=tolerance,
         remarks=found,
         names=", ".join(files),

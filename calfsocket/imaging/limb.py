@@ -319,6 +319,7 @@ def _recorded(
         files=dict(part.files),
         level=part.where or None,
         height=None if part.height is None else round(part.height, 4),
+        height_mm=None if part.height_mm is None else round(part.height_mm, 3),
         origin=_triple(plane.origin) if plane else None,
         normal=_triple(plane.normal) if plane else None,
         anterior=_triple(plane.y) if plane else None,

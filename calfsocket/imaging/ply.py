@@ -1,4 +1,9 @@
-"""PLY surfaces: VTK's reader crashes where a file ends too early, meshio's reads few of them."""
+"""PLY surfaces of all kinds, none of them half.
+
+VTK's reader crashes where a file ends too early; meshio's reads few files; trimesh's takes texts
+that end too early as they are, and reads no binary files in which triangles and quadrangles are
+mixed, nor polygons of more corners.
+"""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -163,6 +163,6 @@ def _compartment(
     on = np.full(len(edge), "", dtype=object)
     for name, wall in walls.items():
         on[cKDTree(wall.points).query(edge)[0] < _EDGE / 2] = name
-    width = belly.tree.query(edge)[0]
+    width = np.asarray(shapely.distance(shapely.points(edge), shapely.LinearRing(belly.points)))
     width[shapely.contains_xy(filled, *edge.T)] = HALF_SEPTUM
     return Compartment(edge, width, tuple(on))

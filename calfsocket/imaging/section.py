@@ -26,6 +26,9 @@ _STEPS = 0.18
 #: within the tolerance. A skin bends less than a bone: 15 mm in the reference calf, whose bones
 #: bend by 2 mm; what bends more is noise. A socket's wall of 4.5 mm needs 5 mm.
 SKIN_RADII, RADII = (20.0, 10.0, 5.0, 2.0, 1.0), (2.0, 1.0)
+#: A curve that leaves the data so many times further than the next one, which bends more, has
+#: missed some of the shape: for noise alone the factor is 1.1 to 1.6.
+_SHAPE = 2.0
 #: Distance of the knots, mm.
 _KNOTS = 1.0
 #: A second part of a bone or of the skin with more than this share of the area of the first is no
@@ -57,8 +60,8 @@ class Section:
         Where it lies; its origin is that of the outlines. None where the section was drawn.
     level : Level, optional
         Along the limb; None where a plane was given.
-    height : float, optional
-        Share of the source's height from its distal end.
+    height, height_mm : float, optional
+        Share of the source's height from its distal end, and the same in mm.
     tolerance : float
         Largest distance of the curves from the data, mm.
     remarks : sequence of str
@@ -72,6 +75,7 @@ class Section:
     plane: Plane | None
     level: Level | None
     height: float | None
+    height_mm: float | None
     tolerance: float
     remarks: Sequence[str]
 
@@ -112,7 +116,7 @@ def section(
     InputError
         When the outline of a part is open there, in several parts, or not where it must be.
     """
-    where, height = _place(source, anatomy, level, plane)
+    where, height, height_mm = _place(source, anatomy, level, plane)
     voxel = source.resolution(np.stack([where.x, where.y]))
     if tolerance is None:
         tolerance = voxel / 2 or TOLERANCE
@@ -198,6 +202,7 @@ def section(
         plane=shifted,
         level=level,
         height=height,
+        height_mm=height_mm,
         tolerance=tolerance,
         remarks=(*source.remarks, *anatomy.found, *remarks),
     )
@@ -212,14 +217,14 @@ def _place(
     anatomy: Anatomy,
     level: Level | None,
     plane: tuple[Sequence[float], Sequence[float]] | None,
-) -> tuple[Plane, float]:
-    """Return the plane of a section and its share of the height."""
+) -> tuple[Plane, float, float]:
+    """Return the plane of a section, its share of the height, and its height in mm."""
     low, high = anatomy.low, anatomy.high
     if plane is None:
         assert level is not None
         with error_context(source.names):
             height = level.height(low, high)
-        return anatomy.plane(height), (height - low) / (high - low)
+        return anatomy.plane(height), (height - low) / (high - low), height - low
     origin, normal = (np.asarray(each, dtype=float) for each in plane)
     normal = normal / np.linalg.norm(normal)
     if abs(normal @ anatomy.axis) < _STEEPEST:
@@ -228,8 +233,8 @@ def _place(
             f" {np.degrees(np.arccos(abs(normal @ anatomy.axis))):.0f} degrees from the axis"
         )
     normal = normal * np.sign(normal @ anatomy.axis)
-    share = ((origin - anatomy.centre) @ anatomy.axis - low) / (high - low)
-    return Plane.square_to(normal, origin, anatomy.anterior), float(share)
+    height = float((origin - anatomy.centre) @ anatomy.axis - low)
+    return Plane.square_to(normal, origin, anatomy.anterior), height / (high - low), height
 
 
 #: Cosine of the largest angle between the normal of a section and the limb's axis: 45 degrees.
@@ -315,11 +320,13 @@ def smooth_outline(
         points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
     if len(points) < FEWEST:
         raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
-    for radius in radii:
-        smooth, deviation, place = fair(points, tolerance, noise, radius, _KNOTS)
-        if deviation <= tolerance:
+    trials = (fair(points, tolerance, noise, radius, _KNOTS) for radius in radii)
+    smooth, deviation, place = next(trials)
+    for closer in trials:
+        if deviation <= min(tolerance, _SHAPE * closer[1]):
             break
-    else:
+        smooth, deviation, place = closer
+    if deviation > tolerance:
         enough = np.ceil(20 * deviation) / 20
         raise InputError(
             f"{at}: a smooth curve leaves the outline by {deviation:.2f} mm at {xy(place)}, more"

@@ -33,11 +33,13 @@ def largest(area: BaseGeometry) -> shapely.Polygon:
 def band(points: Array, widths: Array) -> BaseGeometry:
     """Return all places within the given distances of a closed line, (n, 2) and (n,), mm.
 
-    From point to point the width is the larger of the two.
+    From point to point the width changes evenly: the larger of the two all along would take half a
+    per cent of the atlas's bellies and give it to the fascia between them, which would get 6 %
+    thicker.
     """
-    sides = shapely.linestrings(np.stack([points, np.roll(points, -1, axis=0)], axis=1))
-    radius = np.maximum(widths, np.roll(widths, -1))
-    return shapely.union_all(shapely.buffer(sides, radius, quad_segs=_SIDES))
+    discs = shapely.buffer(shapely.points(points), widths, quad_segs=_SIDES)
+    pairs = shapely.multipolygons(np.stack([discs, np.roll(discs, -1)], axis=1))
+    return shapely.union_all(shapely.convex_hull(pairs))
 
 
 def rounded(area: BaseGeometry, radius: float) -> shapely.Polygon:
@@ -50,7 +52,9 @@ def curve_around(area: shapely.Polygon) -> ClosedCurve:
     """Return a smooth curve along the outer boundary of an area, with few points."""
     ring = Ring(outside(area))
     even = ring.at(ring.even(max(int(ring.length / _STEP), 64)))
-    smooth = Ring(gaussian_filter1d(even, _BLUR / _STEP, axis=0, mode="wrap"))
+    blurred = _blurred(even)
+    # What the blur takes off curved sides is given back; it would add 0.3 % to the atlas's fascia.
+    smooth = Ring(blurred + _blurred(even - blurred))
     number = len(even)
     kept = np.linspace(0, number, max(int(ring.length / _FIRST), 8), endpoint=False).astype(int)
     while True:
@@ -67,6 +71,10 @@ def curve_around(area: shapely.Polygon) -> ClosedCurve:
         if len(more) == len(kept):
             return curve  # every point of the boundary is kept there
         kept = more
+
+
+def _blurred(points: Array) -> Array:
+    return np.asarray(gaussian_filter1d(points, _BLUR / _STEP, axis=0, mode="wrap"))
 
 
 def curve_of(body: shapely.Polygon, number: int = 24) -> ClosedCurve:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+import nibabel
 import numpy as np
+from nibabel import imageglobals
+from nibabel.filebasedimages import ImageFileError
+from nibabel.spatialimages import HeaderDataError
 from numpy.typing import NDArray
 from PIL import Image
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkIOImage import vtkNIFTIImageReader
 
-from calfsocket.imaging.surface import vtk_errors
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable
 from calfsocket.meshes.curves import Array
@@ -104,10 +105,13 @@ def read_volume(path: Path, voxel: tuple[float, float, float] | None) -> Volume:
 
 
 _UNREADABLE = (
-    ValueError, KeyError, IndexError, TypeError, OSError, EOFError, MemoryError, zlib.error,
+    ValueError, KeyError, IndexError, TypeError, OSError, EOFError, MemoryError, OverflowError,
+    zlib.error, HeaderDataError,
 )  # fmt: skip
 _Known = tuple[Array, Array] | None
 _Read = tuple[NDArray, Array, _Known]
+#: What a header's unit of length is, mm; one that is not known is taken to be mm.
+_NIFTI_UNITS = {"meter": 1000.0, "mm": 1.0, "micron": 1e-3}
 _RAS: _Known = (np.array([0.0, 0, 1]), np.array([0.0, 1, 0]))
 _LPS: _Known = (np.array([0.0, 0, 1]), np.array([0.0, -1, 0]))
 
@@ -143,36 +147,26 @@ def _check_room(
 
 
 def _nifti(path: Path) -> _Read:
-    reader = vtkNIFTIImageReader()
-    with vtk_errors():
-        if not reader.CanReadFile(str(path)):
-            raise ValueError("no NIfTI header")
-        reader.SetFileName(str(path))
-        reader.UpdateInformation()
-        header = reader.GetNIFTIHeader()
-        shape = tuple(header.GetDim(i) for i in range(1, 1 + max(header.GetDim(0), 0)))
-        while len(shape) > 3 and shape[-1] == 1:
-            shape = shape[:-1]
-        if len(shape) != 3 or reader.GetNumberOfScalarComponents() != 1:
-            colours = reader.GetNumberOfScalarComponents()
-            what = f"{colours} values a voxel" if len(shape) == 3 else f"{len(shape)} dimensions"
-            raise InputError(f"{path}: has {what}; give a label map: one number a voxel, 3-D")
-        _check_room(path, shape, header.GetBitPix() // 8, path.suffix.lower() == ".gz")
-        reader.Update()
-    image = reader.GetOutput()
-    values = vtk_to_numpy(image.GetPointData().GetScalars())
-    raw = values.reshape(image.GetDimensions()[::-1]).transpose(2, 1, 0)
-    slope, start = reader.GetRescaleSlope(), reader.GetRescaleIntercept()
-    if slope not in (0.0, 1.0) or start:
-        raw = raw * slope + start
-    # VTK turns slices around where the header's qfac is -1, and its matrices with them.
-    matrix = reader.GetSFormMatrix() or reader.GetQFormMatrix()
-    scale = {1: 1000.0, 3: 1e-3}.get(header.GetXYZTUnits() & 7, 1.0)  # metres, micrometres
-    spacing = np.diag([*image.GetSpacing(), 1.0])
-    if matrix is None:
-        return raw, spacing[:3] * scale, None
-    world = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(3)])
-    return raw, world @ spacing * scale, _RAS
+    with imageglobals.LoggingOutputSuppressor():  # it corrects slips in headers, and says so
+        try:
+            image = nibabel.load(path)
+        except ImageFileError:
+            raise ValueError("no NIfTI header") from None
+    if not isinstance(image, nibabel.Nifti1Pair):  # NIfTI-2 is one, too
+        raise ValueError("no NIfTI header")
+    header = image.header
+    shape, kind = header.get_data_shape(), header.get_data_dtype()
+    while len(shape) > 3 and shape[-1] == 1:
+        shape = shape[:-1]
+    if len(shape) != 3 or kind.names or kind.kind not in "iuf":
+        what = "several values a voxel" if len(shape) == 3 else f"{len(shape)} dimensions"
+        raise InputError(f"{path}: has {what}; give a label map: one number a voxel, 3-D")
+    _check_room(path, shape, kind.itemsize, path.suffix.lower() == ".gz")
+    raw = np.asanyarray(image.dataobj).reshape(shape, order="F")
+    scale = _NIFTI_UNITS.get(header.get_xyzt_units()[0], 1.0)
+    if not (header["sform_code"] or header["qform_code"]):
+        return raw, np.diag([*header.get_zooms()[:3], 1.0])[:3] * scale, None
+    return raw, image.affine[:3] * scale, _RAS
 
 
 def _header(file: IO[bytes], divider: str, last: Callable[[str, str], bool]) -> dict[str, str]:

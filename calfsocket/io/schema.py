@@ -79,10 +79,14 @@ def read_json(path: Path, model: type[Model]) -> Model:
 
     An `InputError` is one line that names the file and the key.
     """
+    return checked(path, parsed_json(path), model, units_required=False)
+
+
+def parsed_json(path: Path) -> Any:
+    """Read a file of JSON; raise an InputError naming it otherwise."""
     text = read_text(path)
     with _parsing(path):
-        content = json.loads(text, object_pairs_hook=_unique)
-    return checked(path, content, model, units_required=False)
+        return json.loads(text, object_pairs_hook=_unique)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

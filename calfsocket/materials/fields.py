@@ -1,6 +1,7 @@
 """Laws of a mesh's regions, as functions that are constant in each cell."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from dolfinx import fem
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from calfsocket.forms.mixed import LawForm, Material
 from calfsocket.io.errors import InputError
 from calfsocket.materials.law import Law
+from calfsocket.materials.stress_free import StressFree
 
 Kind = tuple[LawForm, int]
 """What compiled code depends on: a law's form and the number of its coefficients."""
@@ -28,9 +30,8 @@ class LawFields:
 
     Attributes
     ----------
-    materials : dict of int to Material
-        Material of each cell tag of `tags`, one a kind of law: its coefficients are DG0 functions,
-        which are 1 in cells of other kinds. They share `inverse_bulk` and `pressure_scale`.
+    stress_free : StressFree
+        Stress-free states of the regions.
     tags : MeshTags
         Tags of the cells, ghosts included, for `forms.mixed.volume_measure`.
     inverse_bulk, pressure_scale : fem.Function
@@ -52,11 +53,12 @@ class LawFields:
         self._regions, self._position = np.unique(cell_tags.values, return_inverse=True)
         self.inverse_bulk = fem.Function(self._space, name="inverse_bulk")
         self.pressure_scale = fem.Function(self._space, name="pressure_scale")
+        self.stress_free = StressFree(mesh, cell_tags, regions)
         # Their order does not depend on the regions: compiled forms are named after it.
         ordered = sorted(laws.values(), key=lambda law: (law.name, len(law.coefficients())))
         numbers = {each: i for i, each in enumerate(dict.fromkeys(map(kind, ordered)), start=1)}
         names = {kind(law): law.name for law in ordered}
-        self.materials = {
+        self._materials = {
             number: Material(
                 law_form=form,
                 coefficients=tuple(
@@ -92,10 +94,20 @@ class LawFields:
         self._fill(self.inverse_bulk, {region: 1 / law.bulk_modulus for region, law in of_region})
         scale = {region: law.initial_shear_modulus for region, law in of_region}
         self._fill(self.pressure_scale, scale)
-        for number, material in self.materials.items():
+        for number, material in self._materials.items():
             mine = {r: law.coefficients() for r, law in of_region if self._number[r] == number}
             for i, function in enumerate(material.coefficients):
                 self._fill(function, {region: values[i] for region, values in mine.items()})
+
+    @property
+    def materials(self) -> dict[int, Material]:
+        """Material of each cell tag of `tags`, one a kind of law.
+
+        Its coefficients are DG0 functions, which are 1 in cells of other kinds. All share
+        `inverse_bulk`, `pressure_scale` and, while some region has one, the stress-free state.
+        """
+        tensor = self.stress_free.tensor
+        return {tag: replace(each, stress_free=tensor) for tag, each in self._materials.items()}
 
     def of_region(self, name: str) -> Material:
         """Material of a region."""
@@ -104,7 +116,7 @@ class LawFields:
     @property
     def parameters(self) -> list[fem.Function]:
         """All functions."""
-        coefficients = [each for one in self.materials.values() for each in one.coefficients]
+        coefficients = [each for one in self._materials.values() for each in one.coefficients]
         return [*coefficients, self.inverse_bulk, self.pressure_scale]
 
     def _fill(self, function: fem.Function, values: Mapping[int, float]) -> None:

@@ -158,7 +158,7 @@ class Iterate:
 def observe(newton: Newton, problem: Problem) -> State:
     """Return what the present unknowns show, which are finite (collective)."""
     problem.set_unknowns(newton.x)
-    gradients = problem.deformation_gradients()
+    gradients = problem.elastic_gradients()
     J = determinant(gradients)
     volume_ratio, flattest = problem.smallest(J.min(axis=1, initial=np.inf))
     stiffness, stretches = _stiffness_in_cells(problem, gradients, J)

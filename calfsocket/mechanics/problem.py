@@ -17,6 +17,7 @@ from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
+from calfsocket.materials.stress_free import StressFreeState
 from calfsocket.mechanics.bodies import Body
 from calfsocket.mechanics.condensation import CondensedTangent
 from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
@@ -149,6 +150,26 @@ class Problem:
             self._contact.load = load
         if self.foundation is not None:
             self.foundation.set_load(load)
+        self.fields.stress_free.set_load(load)
+
+    def set_stress_free(self, states: Mapping[str, StressFreeState]) -> None:
+        """Change the stress-free states of regions (collective).
+
+        They grow in proportion to the load; at the full load, they are what is given at once. The
+        volume ratio 1 takes a region back to where it is stress free in the undeformed section.
+
+        Parameters
+        ----------
+        states : mapping of region name to StressFreeState
+            A volume ratio, or in-plane tensors G at positions. Other regions keep theirs.
+
+        Raises
+        ------
+        ValueError
+            If there is no such region, or no volume would be left of it.
+        """
+        self.fields.stress_free.set_load(self._load)
+        self.fields.stress_free.set(states)
 
     def set_laws(self, laws: Mapping[str, Law]) -> None:
         """Change the parameters of the laws of regions; nothing is compiled again.
@@ -330,16 +351,21 @@ class Problem:
         force, pressing = self.contact.force(state)
         return float(np.linalg.norm(force + self.reaction(boundary)[0])), pressing
 
-    def deformation_gradients(self) -> FloatArray:
-        """In-plane F at the quadrature points of the owned cells, (m, q, 2, 2) (collective)."""
+    def elastic_gradients(self) -> FloatArray:
+        """In-plane Fe = F G^-1 at the quadrature points of the owned cells (collective).
+
+        Of shape (m, q, 2, 2); F itself where no region has a stress-free state G of its own.
+        """
         points = quadrature()[0]
         F = fem.Expression(deformation_gradient(ufl.split(self.w)[0]), points, self.comm)
         cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        return F.eval(self.section.mesh, cells).reshape(len(cells), len(points), 2, 2)
+        gradients = F.eval(self.section.mesh, cells).reshape(len(cells), len(points), 2, 2)
+        state = self.fields.stress_free
+        return gradients if state.tensor is None else gradients @ np.linalg.inv(state.at(points))
 
     def smallest_volume_ratio(self) -> tuple[float, str]:
-        """Smallest J = det F of all quadrature points and the region it is in (collective)."""
-        J = determinant(self.deformation_gradients())
+        """Smallest elastic J = det Fe of all quadrature points, and its region (collective)."""
+        J = determinant(self.elastic_gradients())
         value, site = self.smallest(J.min(axis=1, initial=np.inf))
         return value, site.region
 

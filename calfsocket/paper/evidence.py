@@ -9,6 +9,7 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.paper import comparison
 from calfsocket.paper.calibration import Calibration, read_calibration
@@ -66,6 +67,12 @@ class Evidence(Findings):
         assert self.results.run is not None
         return self.results.run
 
+    @property
+    def limb(self) -> Limb:
+        """The paper's limb."""
+        assert self.run.limb is not None  # one of many levels is none of the paper's
+        return self.run.limb
+
     @cached_property
     def sockets(self) -> dict[str, AnySocket]:
         """The paper's sockets as meshed."""
@@ -75,12 +82,12 @@ class Evidence(Findings):
     @cached_property
     def skin(self) -> ClosedCurve:
         """Undeformed outline of the limb."""
-        return self.run.limb.skin
+        return self.limb.skin
 
     @cached_property
     def inner_faces(self) -> dict[str, ClosedCurve]:
         """Undeformed inner face of each socket."""
-        return {name: socket.faces(self.run.limb)[0] for name, socket in self.sockets.items()}
+        return {name: socket.faces(self.limb)[0] for name, socket in self.sockets.items()}
 
     @cached_property
     def area_lost(self) -> dict[str, float]:

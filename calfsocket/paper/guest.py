@@ -52,7 +52,7 @@ def papers_cases(results: Results) -> list[Key]:
     do not say what they were made of, so that they are none of the paper's.
     """
     run = results.run
-    if run is None or _shape(run.limb) != _shape(Limb.reference()):
+    if run is None or run.limb is None or _shape(run.limb) != _shape(Limb.reference()):
         return []
     reference = reference_sockets()
     own = [

@@ -32,6 +32,8 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
     n_cells = domain.topology.index_map(2).size_local
     nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
     F, stress, p = _at_gauss_points(model, n_cells)
+    state = model.fields.stress_free
+    G = np.tile(np.eye(2), (n_cells, 3, 1, 1)) if state.tensor is None else state.at(GAUSS_POINTS)
     collected = model.comm.gather(
         (
             domain.topology.original_cell_index[:n_cells],
@@ -42,6 +44,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
             F,
             stress,
             p,
+            G,
         ),
         root=0,
     )
@@ -49,7 +52,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         return None
     number, *parts = (np.concatenate(part) for part in zip(*collected, strict=True))
     order = np.argsort(number)
-    node, x, u, region, F, stress, p = (part[order] for part in parts)
+    node, x, u, region, F, stress, p, G = (part[order] for part in parts)
     points = np.zeros((node.max() + 1, 2))
     displacement = np.zeros_like(points)
     points[node] = x
@@ -65,6 +68,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
         stress=KILOPASCAL * stress,
         deformation_gradient=F,
         pressure=-KILOPASCAL * p,
+        elastic_gradient=None if state.tensor is None else F @ np.linalg.inv(G),
     )
 
 

@@ -40,6 +40,9 @@ class SectionFields:
     """In-plane F at the Gauss points, (n_cells, 3, 2, 2); F33 = 1 (plane strain)."""
     pressure: NDArray[np.float64]
     """Of the mixed field at the Gauss points, kPa, > 0 in compression, (n_cells, 3)."""
+    elastic_gradient: NDArray[np.float64] | None = None
+    """Fe = F G^-1, which stresses and reported strains are of, where a region has a stress-free
+    state G of its own; as `deformation_gradient`. None where it is F in all regions."""
     gauss_points: ClassVar[NDArray[np.float64]] = GAUSS_POINTS
 
     def __post_init__(self) -> None:
@@ -53,6 +56,8 @@ class SectionFields:
             "deformation_gradient": (n_cells, 3, 2, 2),
             "pressure": (n_cells, 3),
         }
+        if self.elastic_gradient is not None:
+            shapes["elastic_gradient"] = (n_cells, 3, 2, 2)
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}, not {shape}")
@@ -72,6 +77,12 @@ class SectionFields:
                 )
         if np.linalg.det(self.deformation_gradient).min() <= 0:
             raise ValueError("deformation_gradient has det F <= 0: a cell is inverted")
+
+    @property
+    def elastic(self) -> NDArray[np.float64]:
+        """In-plane deformation gradient from the stress-free state, (n_cells, 3, 2, 2)."""
+        none = self.elastic_gradient is None
+        return self.deformation_gradient if none else self.elastic_gradient  # type: ignore[return-value]
 
     @property
     def deformed(self) -> NDArray[np.float64]:

@@ -214,6 +214,9 @@ class Quantities:
     amp_log_strain is averaged as a magnitude, and has the sign of the average of the signed
     values: in an incompressible tissue e1 = -e2, and signed values of opposite sign would cancel.
     There the sign means nothing.
+
+    Strains count from the stress-free state (`SectionFields.elastic`): what the tissue is strained
+    by its stress. A tissue that swells freely has none, a liner put on stretched has its stretch.
     """
 
     fields: SectionFields
@@ -228,7 +231,7 @@ class Quantities:
     @classmethod
     def of(cls, fields: SectionFields) -> "Quantities":
         """Compute all quantities of a section."""
-        strain = log_strain(fields.deformation_gradient)
+        strain = log_strain(fields.elastic)
         gauss = _measures(fields.stress, strain, fields.pressure)
         nodes = _measures(
             EXTRAPOLATION @ fields.stress, EXTRAPOLATION @ strain, fields.pressure @ EXTRAPOLATION.T

@@ -11,6 +11,7 @@ from calfsocket.postprocess.quantities import UNITS, Quantities
 
 FIELDS_FILE = "fields.vtu"
 
+_ELASTIC = "gauss_elastic_gradient"
 _REGION, _TISSUE = "region ", "tissue "
 """Start of the names of arrays that stand for the name of a region or tissue."""
 
@@ -49,6 +50,8 @@ def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
     grid.cell_data["gauss_stress_kPa"] = fields.stress.reshape(n_cells, 12)
     grid.cell_data["gauss_deformation_gradient"] = fields.deformation_gradient.reshape(n_cells, 12)
     grid.cell_data["gauss_pressure_kPa"] = fields.pressure
+    if fields.elastic_gradient is not None:
+        grid.cell_data[_ELASTIC] = fields.elastic_gradient.reshape(n_cells, 12)
     for number, name in sorted(fields.region_names.items()):
         tissue = TISSUES.index(fields.region_tissues[number])
         grid.field_data[_REGION + name] = np.array([number, tissue])
@@ -95,6 +98,7 @@ def read_fields(folder: Path) -> SectionFields:
         if name.startswith(_TISSUE)
     }
     gauss = (grid.n_cells, 3)
+    elastic = grid.cell_data[_ELASTIC] if _ELASTIC in grid.cell_data else None
     return SectionFields(
         points=points,
         cells=node[grid.cells_dict[pyvista.CellType.QUADRATIC_TRIANGLE]],
@@ -109,4 +113,5 @@ def read_fields(folder: Path) -> SectionFields:
             grid.cell_data["gauss_deformation_gradient"], (*gauss, 2, 2)
         ),
         pressure=np.asarray(grid.cell_data["gauss_pressure_kPa"]),
+        elastic_gradient=None if elastic is None else np.reshape(elastic, (*gauss, 2, 2)),
     )

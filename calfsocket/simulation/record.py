@@ -4,14 +4,21 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, checked, read_text
 from calfsocket.materials.laws import AnyLaw
 from calfsocket.meshes.frame import Direction, Frame
+from calfsocket.meshes.levels import LimbLevels, Place
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket
+
+KEY = ("socket", "material_set")
+"""Columns that name the case in every table that cases share."""
+
+LEVEL = ("level", "height_mm")
+"""Columns behind them where a limb has many levels: share of its height, and mm from its end."""
 
 GAP_TOLERANCE = 1e-2
 """Largest gap in mm that a result may have where there is contact."""
@@ -90,6 +97,8 @@ class CaseRecord(Strict):
         Material set of the paper that its own is, or starts from.
     axes : mapping
         What +x and +y of the limb point to; empty where that is not known.
+    level : Place, optional
+        Where along a limb of many levels its section lies.
     changes : mapping
         Parameters by which it differs from the other cases of its study: dotted name -> value as
         written in the study file.
@@ -116,6 +125,7 @@ class CaseRecord(Strict):
     of: tuple[str, str]
     base_set: Literal["separate", "combined"] = "separate"
     axes: dict[str, Direction] = Field(default_factory=dict)
+    level: Place | None = None
     changes: dict[str, Any] = Field(default_factory=dict)
     status: Literal["running", "solved", "failed"] = "running"
     message: str = ""
@@ -135,6 +145,12 @@ class CaseRecord(Strict):
     def key(self) -> tuple[str, str]:
         """Values of the columns that name the case in every table."""
         return self.socket, self.material_set
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """Columns of its rows in tables that cases share: its key, and its level if it has one."""
+        level = {} if self.level is None else dict(zip(LEVEL, self.level.columns, strict=True))
+        return dict(zip(KEY, self.key, strict=True)) | level
 
     @property
     def frame(self) -> Frame:
@@ -199,8 +215,10 @@ class StudyRecord(Strict):
         The file that repeats it.
     settings : mapping
         Tables `model` and `steps` of the study file, defaults filled in.
-    limb : Limb
+    limb : Limb, optional
         The section.
+    levels : LimbLevels, optional
+        Several along the limb, in the place of the one section.
     sockets : mapping of str to socket
         Each case's socket, by the name in the tables.
     laws : mapping
@@ -225,7 +243,8 @@ class StudyRecord(Strict):
     ranks: int
     study: StudySource
     settings: dict[str, dict[str, Any]]
-    limb: Limb
+    limb: Limb | None = None
+    levels: LimbLevels | None = None
     sockets: dict[str, AnySocket]
     laws: dict[str, dict[str, AnyLaw]]
     inputs: dict[str, str]
@@ -233,6 +252,19 @@ class StudyRecord(Strict):
     finished: bool = False
     seconds: float = 0.0
     cases: dict[str, CaseRecord]
+
+    @model_validator(mode="after")
+    def _has_a_limb(self) -> "StudyRecord":
+        if (self.limb is None) == (self.levels is None):
+            raise ValueError("limb: give either limb or levels")
+        return self
+
+    @property
+    def whole_limb(self) -> Limb | LimbLevels:
+        """The section, or all levels."""
+        limb = self.levels or self.limb
+        assert limb is not None
+        return limb
 
 
 def read_run(path: Path, advice: str = "") -> StudyRecord:

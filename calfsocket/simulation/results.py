@@ -11,13 +11,10 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
-from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STEPS_FILE, Result
 
 SUMMARY_FILE = "summary.csv"
-KEY = ("socket", "material_set")
-"""Columns that name the case in every table that cases share."""
-
 Key = tuple[str, str]
 """Socket and material set."""
 
@@ -149,20 +146,20 @@ class Results(Mapping[Key, Result]):
                 rows = of_result(self[key])
             else:
                 mine = (whole.socket == record.socket) & (whole.material_set == record.material_set)
-                rows = whole[mine].drop(columns=list(KEY))
+                rows = whole[mine].drop(columns=list(record.columns), errors="ignore")
                 if rows.empty:
                     raise InputError(
                         f"{path}: has no rows of {record.name}, which is solved according to "
                         f"{RUN_FILE}"
                     )
-            parts.append(of_case(rows, key))
+            parts.append(of_case(rows, record))
         return pd.concat(parts, ignore_index=True)
 
 
-def of_case(rows: pd.DataFrame, key: Key) -> pd.DataFrame:
+def of_case(rows: pd.DataFrame, record: CaseRecord) -> pd.DataFrame:
     """Return a case's rows with the columns that name it in a table of several cases."""
     rows = rows.copy()
-    for place, (column, value) in enumerate(zip(KEY, key, strict=True)):
+    for place, (column, value) in enumerate(record.columns.items()):
         rows.insert(place, column, value)
     return rows
 

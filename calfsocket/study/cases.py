@@ -14,9 +14,10 @@ from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, misspelt, nearest
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.mechanics.limb_problem import SocketSupport
+from calfsocket.meshes.levels import Level, LimbLevels, Place, sections
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.socket import AnySocket, resolved
+from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
 from calfsocket.simulation.simulation import Simulation
@@ -44,6 +45,13 @@ class Case:
     of: tuple[str, str]
     changes: Changes
     placement: Placement
+    level: Level | None = None
+
+    @property
+    def place(self) -> Place | None:
+        """Where along a limb of many levels its section lies."""
+        level = self.level
+        return level and Place(height=level.height, height_mm=level.height_mm)
 
     @property
     def record(self) -> CaseRecord:
@@ -54,6 +62,7 @@ class Case:
             of=self.of,
             base_set=self.materials.base,
             axes=self.limb.axes,
+            level=self.place,
             changes=dict(self.changes),
         )
 
@@ -92,7 +101,7 @@ class Plan:
 
     source: StudySource
     document: Document
-    limb: Limb
+    limb: Limb | LimbLevels
     cases: tuple[Case, ...]
     chosen: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
@@ -111,7 +120,8 @@ class Plan:
     def unused(self) -> list[str]:
         """Dotted names of what the file says and no case has to do with, with the reason."""
         sockets, sets = ({case.of[place] for case in self.cases} for place in (0, 1))
-        document, tissues = self.document, {*self.limb.tissues, *self.limb.tissues.values()}
+        document, limbs = self.document, sections(self.limb)
+        tissues = {word for each in limbs for word in (*each.tissues, *each.tissues.values())}
         found = [f"sockets.{name} (no case)" for name in document.sockets if name not in sockets]
         found += [f"materials.{name} (no case)" for name in document.materials if name not in sets]
         laws = {"laws": document.laws}
@@ -188,13 +198,22 @@ class Planner:
         path: Path,
         content: Mapping[str, Any],
         files: Files,
-        limb: Limb,
+        limb: Limb | LimbLevels,
         reference: Mapping[str, AnySocket],
     ) -> None:
         self._path, self._content, self._files = path, content, files
-        self._limb, self._reference = limb, reference
+        self._reference = reference
+        #: Sections with their levels; a limb of one section has none.
+        self._sections: tuple[tuple[Limb, Level | None], ...] = (
+            tuple((level.limb, level) for level in limb.levels)
+            if isinstance(limb, LimbLevels)
+            else ((limb, None),)
+        )
+        self._regions = tuple(
+            dict.fromkeys(name for each in sections(limb) for name in each.tissues)
+        )
         self._documents: dict[str, Document] = {}
-        self._placements: dict[tuple[AnySocket, bool], Placement] = {}
+        self._placements: dict[tuple[AnySocket, int, bool], Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
         with error_context(path):
@@ -220,15 +239,17 @@ class Planner:
                 if known in seen or (point.label and not changes):
                     continue
                 seen.add(known)
-                case = self._case(each, changes, point, labels, number)
-                if case.key in cases:
-                    raise InputError(
-                        f"{self._path}: {each.place}: two cases have the name {case.name}; "
-                        "give each a label"
-                    )
-                cases[case.key] = case
-                if len(cases) > MOST_CASES:
-                    raise InputError(f"{self._path}: more than {MOST_CASES} cases; split the study")
+                for case in self._at_levels(each, changes, point, labels, number):
+                    if case.key in cases:
+                        raise InputError(
+                            f"{self._path}: {each.place}: two cases have the name {case.name}; "
+                            "give each a label"
+                        )
+                    cases[case.key] = case
+                    if len(cases) > MOST_CASES:
+                        raise InputError(
+                            f"{self._path}: more than {MOST_CASES} cases; split the study"
+                        )
         self._check_folders(cases)
         for name in self.parameters:
             if not any(name in case.changes for case in cases.values()):
@@ -301,7 +322,7 @@ class Planner:
         return document.materials[name].like if name in document.materials else name  # type: ignore[return-value]
 
     def _check_laws(self, place: str, laws: Mapping[str, Any], bases: list[BaseSet]) -> None:
-        regions = list(self._limb.tissues)
+        regions = list(self._regions)
         materials = [name for base in bases for name in MaterialSet.paper(base).laws]
         for name in laws:
             if name not in (*materials, *regions):
@@ -334,9 +355,10 @@ class Planner:
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
 
-    def _case(
+    def _at_levels(
         self, asked: _Asked, changes: Changes, point: Point, labels: Labels, number: int
-    ) -> Case:
+    ) -> Iterator[Case]:
+        """Yield a case for each section of the limb, from distal to proximal."""
         place = "sweep" if any(name in changes for name in point.changes) else asked.place
         document = self._changed_document(changes, place)
         if changes:
@@ -349,19 +371,28 @@ class Planner:
         else:
             words = point.label, ""
         socket = document.sockets.get(asked.socket) or self._reference[asked.socket]
-        name = _joined(asked.socket, asked.label, words[0])
-        materials = self._materials(document, asked.materials, words[1])
-        return Case(
-            limb=self._limb,
-            socket=socket.model_copy(update={"name": name}),
-            materials=materials,
-            document=document,
-            of=(asked.socket, asked.materials),
-            changes=dict(changes),
-            placement=self._placement(socket, asked.socket, document.model.socket_support),
-        )
+        if len(self._sections) > 1 and isinstance(socket, Outline):
+            raise InputError(
+                f"{self._path}: sockets.{asked.socket}: is one outline, and the limb has"
+                f" {len(self._sections)} levels; use a socket that follows each level, by a law or"
+                " like = 'HS'"
+            )
+        for section, (limb, level) in enumerate(self._sections):
+            at = f"level={level.name}" if level else ""
+            name = _joined(asked.socket, at, asked.label, words[0])
+            support = document.model.socket_support
+            yield Case(
+                limb=limb,
+                socket=socket.model_copy(update={"name": name}),
+                materials=self._materials(document, asked.materials, words[1], limb),
+                document=document,
+                of=(asked.socket, asked.materials),
+                changes=dict(changes),
+                placement=self._placement(socket, asked.socket, section, support),
+                level=level,
+            )
 
-    def _materials(self, document: Document, name: str, label: str) -> MaterialSet:
+    def _materials(self, document: Document, name: str, label: str, limb: Limb) -> MaterialSet:
         model = document.model
         paper = MaterialSet.paper(self._base(document, name), model.fascia_c10, model.ogden_form)
         with error_context(self._path):
@@ -371,16 +402,20 @@ class Planner:
         # `Plan.warnings` says it once for all cases, and where.
         with error_context(self._path, f"materials.{name}"), catch_warnings():
             simplefilter("ignore")
-            changed = paper.replace_known(laws, self._limb.tissues)
+            changed = paper.replace_known(laws, limb.tissues)
             return replace(changed, name=_joined(name, label))
 
-    def _placement(self, socket: AnySocket, name: str, support: SocketSupport) -> Placement:
-        """Measure how a socket sits on the limb, once for each shape; refuse one that does not."""
+    def _placement(
+        self, socket: AnySocket, name: str, section: int, support: SocketSupport
+    ) -> Placement:
+        """Measure how a socket sits on a section, once for each shape; refuse one that does not."""
         floating = support == "floating"
-        key = socket.model_copy(update={"name": ""}), floating
+        limb, level = self._sections[section]
+        key = socket.model_copy(update={"name": ""}), section, floating
         if key not in self._placements:
-            with error_context(self._path, f"sockets.{name}"):
-                self._placements[key] = check_placement(socket, self._limb, floating=floating)
+            place = f"sockets.{name}" + (f": level {level.name}" if level else "")
+            with error_context(self._path, place):
+                self._placements[key] = check_placement(socket, limb, floating=floating)
         return self._placements[key]
 
     def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:

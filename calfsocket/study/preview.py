@@ -13,6 +13,7 @@ from matplotlib.path import Path as Outline
 from calfsocket.io.files import replacing
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.curves import ClosedCurve
+from calfsocket.meshes.levels import Place, sections
 from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.socket import AnySocket
 from calfsocket.plotting import section as drawing
@@ -41,7 +42,8 @@ def draw(plan: Plan, path: Path) -> None:
         bottom = 1 - (row + 1) * (PANEL_INCH + 0.5) / size[1]
         axes = figure.add_axes((left, bottom, 1 / columns, PANEL_INCH / size[1]))
         _draw_socket(axes, plan, case)
-    _draw_legend(figure, plan.limb.tissues.values(), text + 0.3)
+    tissues = {tissue for limb in sections(plan.limb) for tissue in limb.tissues.values()}
+    _draw_legend(figure, tissues, text + 0.3)
     figure.text(
         0.02, (text - 0.05) / size[1], "\n".join(lines), va="top", family="monospace", fontsize=8,
         parse_math=False,
@@ -51,15 +53,15 @@ def draw(plan: Plan, path: Path) -> None:
 
 
 def _different(plan: Plan) -> list[Case]:
-    """Return one case for each socket."""
-    found: dict[AnySocket, Case] = {}
+    """Return one case for each socket, at each level of the limb."""
+    found: dict[tuple[AnySocket, Place | None], Case] = {}
     for case in plan.cases:
-        found.setdefault(case.socket.model_copy(update={"name": ""}), case)
+        found.setdefault((case.socket.model_copy(update={"name": ""}), case.place), case)
     return list(found.values())[:MOST_SHOWN]
 
 
 def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
-    limb = plan.limb
+    limb = case.limb
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
     socket = case.socket
@@ -94,10 +96,12 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     drawing.mark_directions(axes, window, limb.frame, fontsize=7, margin=0.5)
     drawing.scale_bar(axes, window, fontsize=7)
     on = case.placement
+    at = f" at level {case.level.name}" if case.level else ""
     axes.set_title(
-        f"{case.of[0]}: wall {socket.wall_thickness:g} mm, {100 * on.area_reduction:.2f} % less "
-        f"area\npresses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, on "
-        f"{100 * on.touching:.0f} % of the skin",
+        f"{case.of[0]}{at}: wall {socket.wall_thickness:g} mm, "
+        f"{100 * on.area_reduction:.2f} % less area\n"
+        f"presses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, "
+        f"on {100 * on.touching:.0f} % of the skin",
         fontsize=8,
         parse_math=False,
     )

@@ -13,9 +13,11 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
 from calfsocket.io.tables import remove_rows
+from calfsocket.meshes.levels import LimbLevels
+from calfsocket.meshes.limb import Limb
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
-from calfsocket.simulation.record import RUN_FILE, CaseRecord, StudyRecord, read_run
+from calfsocket.simulation.record import LEVEL, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.results import KEY
 from calfsocket.study import restart, sweep_table
 from calfsocket.study.cases import Case, Plan
@@ -61,7 +63,8 @@ class Recorder:
             ranks=ranks,
             study=plan.source,
             settings=plan.settings,
-            limb=plan.limb,
+            limb=plan.limb if isinstance(plan.limb, Limb) else None,
+            levels=plan.limb if isinstance(plan.limb, LimbLevels) else None,
             sockets={case.socket.name: case.socket for case in plan.cases},
             laws=laws_of_sets(plan),
             inputs=(earlier.inputs if earlier else {}) | plan.fingerprints,
@@ -142,6 +145,7 @@ def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
         [
             {
                 "case": record.name,
+                **{name: record.columns[name] for name in LEVEL if name in record.columns},
                 "status": record.status,
                 "load": "" if record.load is None else record.load,
                 "message": record.message,

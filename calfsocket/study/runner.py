@@ -152,7 +152,7 @@ class _CaseRunner(Monitor):
             )
         except ConvergenceError as error:
             result = error.result
-        names = {"of": case.of, "changes": dict(case.changes)}
+        names = {"of": case.of, "level": case.place, "changes": dict(case.changes)}
         result = replace(result, record=result.record.model_copy(update=names))
         if self._is_root:
             self._write(simulation, result)
@@ -188,7 +188,7 @@ class _CaseRunner(Monitor):
 
     def _merge(self, name: str, rows: pd.DataFrame) -> None:
         """Put the case's rows into a table that all cases share."""
-        named = of_case(rows, self._case.key)
+        named = of_case(rows, self._case.record)
         merge_csv(self._study.out / name, named, KEY, self._study.plan.order)
 
     # -- what the simulation reports ------------------------------------------------------------

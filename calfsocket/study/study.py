@@ -14,6 +14,7 @@ from rich.console import Console
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, read_toml
+from calfsocket.meshes.levels import LimbLevels, read_limb
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.parallel.first_rank import on_first_rank
@@ -41,8 +42,8 @@ class Study:
         As parsed.
     files : Files
         What it names.
-    limb : Limb
-        The section.
+    limb : Limb or LimbLevels
+        The section, or several along the limb.
     reference : mapping of str to Socket
         The sockets that every study knows.
     sha256 : mapping of str to str
@@ -56,7 +57,7 @@ class Study:
     path: Path
     content: Mapping[str, Any]
     files: Files
-    limb: Limb
+    limb: Limb | LimbLevels
     reference: Mapping[str, AnySocket]
     sha256: Mapping[str, str] = field(default_factory=dict)
     chosen: tuple[str, ...] = ()
@@ -82,11 +83,14 @@ class Study:
         hashes = {path.name: sha256(path)}
         table = content.get("study")
         name = table.get("limb") if isinstance(table, dict) else None
-        limb = Limb.reference()
+        limb: Limb | LimbLevels = Limb.reference()
         if isinstance(name, str):
             check_readable(path.parent / name)
             hashes[name] = sha256(path.parent / name)
-            limb = Limb.read(path.parent / name)
+            limb = read_limb(path.parent / name)
+            if isinstance(limb, LimbLevels):
+                folder = (path.parent / name).parent
+                hashes |= {each.file: sha256(folder / each.file) for each in limb.levels}
         return cls(path, content, Files(path.parent), limb, reference_sockets(), hashes)
 
     @classmethod
@@ -102,7 +106,7 @@ class Study:
             path=path,
             content=run.study.content,
             files=Files(path.parent, run.study.files),
-            limb=run.limb,
+            limb=run.whole_limb,
             reference={
                 name: run.sockets.get(name, socket) for name, socket in reference_sockets().items()
             },

@@ -35,10 +35,7 @@ def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) 
     A parameter that does not reach a case is empty.
     """
     cases = [records[case.name] for case in plan.cases if case.name in records]
-    rows: list[dict[str, Any]] = [
-        {"case": case.name, "socket": case.socket, "material_set": case.material_set}
-        for case in cases
-    ]
+    rows: list[dict[str, Any]] = [{"case": case.name, **case.columns} for case in cases]
     for name in plan.parameters:
         heading, values = column(name, [case.changes.get(name) for case in cases])
         for row, value in zip(rows, values, strict=True):

@@ -20,6 +20,8 @@ enum { BUBBLE = 6 };
 enum { STRESSES = 5, VOLUME = 4, MODULI = 15 };
 /* Of a law's ARGUMENTS: strains, and parameters. */
 enum { STRAINS = 5, PARAMETERS = ARGUMENTS - STRAINS };
+/* Of a stress-free state: G^-1 row by row, and det G. */
+enum { STRESS_FREE = 5 };
 
 /* A number for each shape function of a displacement component, or for each quadrature point. The
  * last point stands in for those that are missing, without weight. */
@@ -55,12 +57,15 @@ typedef struct {
     const int64_t *parameters; /* addresses of values, and of each cell's place among them */
     const double *foundation; /* stiffness in each cell, or nothing */
     const double *anchor;     /* unknowns at which the foundation is at rest */
+    const double *stress_free; /* STRESS_FREE numbers by points for each cell, or nothing */
 } tissue;
 
-/* One cell, at its points. */
+/* One cell, at its points. With a stress-free state G the law and the gradients are those of a cell
+ * that begins there: F G^-1, and a volume of det G. */
 typedef struct {
-    eight inverse[2][2]; /* of the derivative of coordinates by reference coordinates */
-    eight weight;
+    eight inverse[2][2]; /* of the derivative of stress-free coordinates by reference coordinates */
+    eight weight;        /* stress-free volume */
+    eight area;          /* volume in the undeformed section */
     vector arguments[PARTS][ARGUMENTS];
 } cell_state;
 
@@ -74,6 +79,23 @@ typedef struct {
     row pressure[3];
     double compressibility[3][3];
 } element_matrix;
+
+/* Take a cell's gradients by reference coordinates and its volume to its stress-free state. */
+INLINE void begin_stress_free(const double *state, int h, cell_state *s)
+{
+    vector G[STRESS_FREE], *F = s->arguments[h];
+    for (int k = 0; k < STRESS_FREE; ++k)
+        memcpy(&G[k], state + k * EIGHT + h * WIDTH, sizeof G[k]);
+    for (int i = 0; i < 2; ++i) {
+        vector k0 = s->inverse[i][0].part[h], k1 = s->inverse[i][1].part[h];
+        vector f0 = F[2 * i], f1 = F[2 * i + 1];
+        for (int j = 0; j < 2; ++j) {
+            s->inverse[i][j].part[h] = k0 * G[j] + k1 * G[2 + j];
+            F[2 * i + j] = f0 * G[j] + f1 * G[2 + j];
+        }
+    }
+    s->weight.part[h] *= G[4];
+}
 
 /* Geometry and arguments of the law at the points of a cell. */
 INLINE void evaluate(const tissue *t, int cell, cell_state *s)
@@ -103,13 +125,15 @@ INLINE void evaluate(const tissue *t, int cell, cell_state *s)
         vector det = J[0][0] * J[1][1] - J[0][1] * J[1][0], one_det = 1.0 / det;
         vector K[2][2] = {{J[1][1] * one_det, -J[0][1] * one_det},
                           {-J[1][0] * one_det, J[0][0] * one_det}};
-        s->weight.part[h] = at->weight.part[h] * vector_fabs(det);
+        s->area.part[h] = s->weight.part[h] = at->weight.part[h] * vector_fabs(det);
         vector *arguments = s->arguments[h];
         for (int i = 0; i < 2; ++i)
             for (int j = 0; j < 2; ++j) {
                 s->inverse[i][j].part[h] = K[i][j];
                 arguments[2 * i + j] = H[i][0] * K[0][j] + H[i][1] * K[1][j] + (double)(i == j);
             }
+        if (t->stress_free)
+            begin_stress_free(t->stress_free + (size_t)cell * STRESS_FREE * EIGHT, h, s);
         arguments[4] = p[0] * at->pressure[0].part[h] + (p[1] - p[0]) * at->pressure[1].part[h] +
                        (p[2] - p[0]) * at->pressure[2].part[h];
         for (int k = 0; k < PARAMETERS; ++k)
@@ -163,7 +187,7 @@ VECTORISED static void element_residual(const tissue *t, int cell, element_vecto
                 }
                 for (int h = 0; h < PARTS; ++h)
                     r->displacement.component[c].part[h] +=
-                        s.weight.at[q] * t->foundation[cell] * u * at->shape[q].part[h];
+                        s.area.at[q] * t->foundation[cell] * u * at->shape[q].part[h];
             }
     }
 }
@@ -218,7 +242,7 @@ VECTORISED static void element_tangent(const tissue *t, int cell, element_matrix
         if (t->foundation && t->foundation[cell] != 0.0)
             for (int q = 0; q < POINTS; ++q)
                 for (int h = 0; h < PARTS; ++h) {
-                    vector mass = s.weight.at[q] * t->foundation[cell] * at->shape[q].at[a] *
+                    vector mass = s.area.at[q] * t->foundation[cell] * at->shape[q].at[a] *
                                   at->shape[q].part[h];
                     xx.part[h] += mass;
                     yy.part[h] += mass;

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
 from calfsocket.materials.fields import LawFields
+from calfsocket.materials.stress_free import StressFree
 from calfsocket.mechanics.kernels import library as native
 from calfsocket.mechanics.kernels.laws import parameter_list
+from calfsocket.meshes.quality import determinant
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -106,6 +108,7 @@ class CellLoops:
             )
         self.library = self._laws[0][0]
         self._fields = fields  # whose arrays the addresses are
+        self._stress_free: tuple[int, FloatArray | None] = (0, None)
 
     def add_residuals(self, values: FloatArray) -> None:
         """Add the part of the owned cells to all local unknowns, ghosts included; N/mm."""
@@ -128,6 +131,7 @@ class CellLoops:
             stiffness, at_rest = self._foundation
             foundation = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
             anchor = at_rest.x.array
+        stress_free = self._stress_free_state()
         geometry = V.mesh.geometry
         for library, cells, addresses in self._laws:
             library.call(
@@ -142,5 +146,22 @@ class CellLoops:
                 addresses,
                 foundation,
                 anchor,
+                stress_free,
                 *arguments,
             )
+
+    def _stress_free_state(self) -> FloatArray | None:
+        """G^-1 and det G at the points of the owned cells as cells.h has it, None where G = I."""
+        state = self._fields.stress_free
+        if state.changes != self._stress_free[0]:
+            self._stress_free = state.changes, self._lay_out(state)
+        return self._stress_free[1]
+
+    def _lay_out(self, state: StressFree) -> FloatArray | None:
+        if state.tensor is None:
+            return None
+        G = state.at(quadrature()[0])
+        numbers = [*np.moveaxis(np.linalg.inv(G).reshape(*G.shape[:2], 4), 2, 0), determinant(G)]
+        values = np.stack(numbers, axis=1)
+        filled = np.pad(values, [(0, 0), (0, 0), (0, EIGHT - values.shape[2])], "edge")
+        return np.ascontiguousarray(filled)

@@ -124,11 +124,11 @@ INLINE void add(double value, int32_t position, double *values)
 void add_tangents(int n, const int32_t *cells, const double *element, const double *x,
                   const int32_t *nodes, const double *unknowns, const int32_t *dofs,
                   const int64_t *parameters, const double *foundation,
-                  const double *anchor, const uint8_t *keeps_constant, const int32_t *positions,
-                  double *inverse, double *coupling, double *values)
+                  const double *anchor, const double *stress_free, const uint8_t *keeps_constant,
+                  const int32_t *positions, double *inverse, double *coupling, double *values)
 {
     tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters,
-                foundation, anchor};
+                foundation, anchor, stress_free};
     for (int i = 0; i < n; ++i) {
         int cell = cells[i];
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;

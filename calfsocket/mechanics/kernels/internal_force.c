@@ -6,10 +6,10 @@
 void add_residuals(int n, const int32_t *cells, const double *element, const double *x,
                    const int32_t *nodes, const double *unknowns, const int32_t *dofs,
                    const int64_t *parameters, const double *foundation,
-                   const double *anchor, double *values)
+                   const double *anchor, const double *stress_free, double *values)
 {
     tissue t = {(const reference_element *)element, x, nodes, unknowns, dofs, parameters,
-                foundation, anchor};
+                foundation, anchor, stress_free};
     for (int i = 0; i < n; ++i) {
         const int32_t *dof = dofs + (size_t)cells[i] * UNKNOWNS;
         element_vector r;

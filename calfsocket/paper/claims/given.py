@@ -110,7 +110,7 @@ def ogden_prefactor(e: Evidence) -> Fact:
 
 def fascia_is_modelled(e: Evidence) -> Fact:
     """Return whether fascia is in both sets, in none with muscle's own material."""
-    limb = e.run.limb
+    limb = e.limb
     areas = [limb.areas[name] for name, tissue in limb.tissues.items() if tissue == "fascia"]
     muscle = e.parameters["separate"]["muscle"]
     ignored = any(e.parameters[name]["fascia"] == muscle for name in SETS)
@@ -122,7 +122,7 @@ def fascia_is_modelled(e: Evidence) -> Fact:
 
 def segmented_tissues(e: Evidence) -> Fact:
     """Return whether there are all tissues and separate muscles, no nerves and no lymphatics."""
-    regions = e.run.limb.regions
+    regions = e.limb.regions
     tissues = sorted({region.tissue for region in regions})
     muscles = sum(region.tissue == "muscle" for region in regions)
     ignored = not any(word in region.name for region in regions for word in NOT_MODELLED)
