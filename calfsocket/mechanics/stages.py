@@ -112,6 +112,8 @@ class StageStepper:
         That has brought the load to 1.
     axes : Frame
         Where lateral and anterior are.
+    tissues : mapping of region name to str
+        Tissue of each region, for changes of volume.
     carried : bool
         Whether a rigid frame carries the socket's outer face from now on.
     on_iteration, on_step : callable, optional
@@ -133,12 +135,13 @@ class StageStepper:
         self,
         donned: LoadStepper,
         axes: Frame,
+        tissues: Mapping[str, str] | None = None,
         carried: bool = True,
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
     ) -> None:
         self.problem: Problem = donned.problem
-        self._axes = axes
+        self._axes, self._tissues = axes, dict(tissues or {})
         state = self.problem.contact.state()
         if carried:
             self.problem.carry(tags.SOCKET_OUTER)
@@ -228,10 +231,16 @@ class StageStepper:
             self._place = np.where(held, end_place, self._place)
         return limit
 
-    def _set_volume(self, change: Mapping[str, float]) -> None:
-        if change:
-            raise NotImplementedError
-        self._volume = dict(change)
+    def _set_volume(self, changes: Mapping[str, float]) -> None:
+        """Give the regions of tissues a volume without stress that has changed by a share."""
+        self._volume = dict(changes)
+        states = {
+            region: 1.0 + changes[tissue]
+            for region, tissue in self._tissues.items()
+            if tissue in changes
+        }
+        if states:
+            self.problem.set_stress_free(states)
 
     def _run(
         self, control: LoadSteps | Sequence[float], set_share: Callable[[float], None]
@@ -267,13 +276,26 @@ class StageStepper:
 
         way = min(abs(along(self._compliance @ change)), LONGEST_WAY * frame.radius)
         origin = along(frame.place / frame.scale)
-        shares = [along(frame.scale * (self.points[-1].force - force)) / size]
-        ways = [0.0]
+
+        def share() -> float:
+            return along(frame.scale * (self.points[-1].force - force)) / size
+
+        shares, ways = [share()], [0.0]
+        whole = Control.of(held, end_force, end_place)
         advance = step * way
         for _ in range(MOST_STEPS):
+            here, before = self._snapshot(), frame.control
+            if len(ways) > 1:
+                rise = (shares[-1] - shares[-2]) / (ways[-1] - ways[-2])
+                if shares[-1] + rise * advance >= 1.0:
+                    try:
+                        self._run(ONE_STEP, self._choice(before, whole))
+                    except ConvergenceError:
+                        advance *= CUTBACK
+                    else:
+                        return None
             target = frame.place + advance * frame.scale * unit
             control = Control.along(held, force, np.where(held, end_place, target), change)
-            before = frame.control
             try:
                 self._run(ONE_STEP, self._choice(before, control))
             except ConvergenceError:
@@ -281,12 +303,12 @@ class StageStepper:
                 if advance < SHORTEST * step * way:
                     raise
                 continue
-            shares.append(along(frame.scale * (self.points[-1].force - force)) / size)
+            if share() >= 1.0:  # beyond the stage's force, which friction would remember
+                self._return(here, before)
+                advance *= CUTBACK
+                continue
+            shares.append(share())
             ways.append(along(frame.place / frame.scale) - origin)
-            if shares[-1] >= 1.0:
-                exact = Control.of(held, end_force, end_place)
-                self._run(ONE_STEP, self._choice(control, exact))
-                return None
             if self._at_limit(ways, shares, force, unit, size):
                 best = int(np.argmax(shares))
                 reached = force + shares[best] * size * unit / frame.scale
@@ -296,8 +318,23 @@ class StageStepper:
             if self.points[-1].iterations <= FEW_ITERATIONS:
                 advance *= GROWTH
         raise ConvergenceError(
-            f"stage {self._stage}: the force still rises after {MOST_STEPS} steps along its way"
+            f"the force still rises after {MOST_STEPS} steps along its way; ask for more steps"
         )
+
+    def _snapshot(self) -> Milestone:
+        """Return the present equilibrium, to go back to."""
+        x = self.x.copy()
+        return Milestone(0.0, 0.0, 1.0, x, x, self.problem.slip_history)
+
+    def _return(self, here: Milestone, control: Control) -> None:
+        """Go back to an equilibrium, the last but one (collective)."""
+        assert self.frame is not None
+        here.unknowns.copy(self.x)
+        self.frame.control = control
+        self.problem.slip_history = here.converged_arc
+        self.problem.residual(self.x, self.x.duplicate())
+        self._state = self.problem.contact.state()
+        self.points.pop()
 
     def _at_limit(
         self,

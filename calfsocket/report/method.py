@@ -97,7 +97,7 @@ def warnings(results: Results) -> list[str]:
 
 def stopped(record: CaseRecord) -> str:
     """Return at which load a case has failed; empty where it reached none."""
-    failed = record.status == "failed" and record.load
+    failed = record.status == "failed" and record.load and record.load < 1.0
     return f"stopped at load {record.load:.3g} of 1" if failed else ""
 
 

@@ -9,10 +9,11 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
+from calfsocket.mechanics.loading import DONNED
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
-from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STEPS_FILE, Result
+from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
 
 SUMMARY_FILE = "summary.csv"
 Key = tuple[str, str]
@@ -85,12 +86,22 @@ class Results(Mapping[Key, Result]):
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Rows of summary.csv of all cases; computed from their fields where there is none."""
+        """Rows of summary.csv of all donned sockets; computed where there is none."""
         return self._table(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
 
     @cached_property
+    def states(self) -> pd.DataFrame:
+        """Rows of summary.csv in every state, with a column `state`; empty without stages."""
+        parts = [
+            of_case(result.of_states(Result.summary), result.record)
+            for result in self.values()
+            if result.states
+        ]
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    @cached_property
     def contact(self) -> pd.DataFrame:
-        """Rows of contact.csv of all cases."""
+        """Rows of contact.csv of all donned sockets."""
         return self._table(CONTACT_FILE, lambda result: result.contact, CONTACT_COLUMNS)
 
     @cached_property
@@ -147,12 +158,16 @@ class Results(Mapping[Key, Result]):
             else:
                 mine = (whole.socket == record.socket) & (whole.material_set == record.material_set)
                 rows = whole[mine].drop(columns=list(record.columns), errors="ignore")
+                if STATE in rows:
+                    rows = rows[rows[STATE].isin([DONNED]) | rows[STATE].isna()]
+                    rows = rows.drop(columns=STATE)
                 if rows.empty:
                     raise InputError(
                         f"{path}: has no rows of {record.name}, which is solved according to "
                         f"{RUN_FILE}"
                     )
-            parts.append(of_case(rows, record))
+            # A selection of a sweep has the names of the base.
+            parts.append(of_case(rows, record).assign(**dict(zip(KEY, key, strict=True))))
         return pd.concat(parts, ignore_index=True)
 
 

@@ -20,7 +20,7 @@ from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
-from calfsocket.simulation.simulation import Simulation
+from calfsocket.simulation.simulation import Simulation, check_loading
 from calfsocket.study import sweep
 from calfsocket.study.absent import refuse_absent
 from calfsocket.study.document import Document
@@ -89,6 +89,7 @@ class Case:
             steps=self.document.steps,
             comm=comm,
             placement=self.placement,
+            loading=self.document.loading,
         )
 
 
@@ -381,6 +382,9 @@ class Planner:
             at = f"level={level.name}" if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
             support = document.model.socket_support
+            if document.loading:
+                with error_context(self._path):
+                    check_loading(document.loading, limb, support)
             yield Case(
                 limb=limb,
                 socket=socket.model_copy(update={"name": name}),

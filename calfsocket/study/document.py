@@ -14,6 +14,7 @@ from calfsocket.materials.laws import OgdenForm
 from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
 from calfsocket.mechanics.limb_problem import SocketSupport
+from calfsocket.mechanics.loading import Loading, Stage, check_names
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
@@ -179,6 +180,10 @@ class Document(Strict):
         description="laws of tissues in the place of Table 1's, in every material set",
     )
     thresholds: tuple[ThresholdTable, ...] = ()
+    loads: Annotated[
+        tuple[Stage, ...],
+        Field(description="stages of loading after donning, one after the other"),
+    ] = ()
     cases: tuple[CaseTable, ...] = ()
     sweep: Sweep | None = None
 
@@ -201,6 +206,17 @@ class Document(Strict):
                     where = f"the table [{homes[0]}]" if homes[0] else "a table of its own"
                     raise ValueError(f"{place}{place and '.'}{key}: belongs in {where}; move it")
         return data
+
+    @field_validator("loads")
+    @classmethod
+    def _names_differ(cls, value: tuple[Stage, ...]) -> tuple[Stage, ...]:
+        check_names(value)
+        return value
+
+    @property
+    def loading(self) -> Loading | None:
+        """The stages of loading, if there are any."""
+        return Loading(stages=self.loads) if self.loads else None
 
     @field_validator("sockets")
     @classmethod
