@@ -17,6 +17,7 @@ from calfsocket.simulation.results import KEY, Results
 SETTINGS = {
     "size": "mesh size",
     "socket_support": "socket support",
+    "donning": "donning",
     "fascia_c10": "fascia's C10",
     "ogden_form": "Ogden form",
     "friction": "friction coefficient",
@@ -70,7 +71,12 @@ def settings(findings: Findings) -> dict[str, Any]:
     return found
 
 
-FIRST = {"size": "mesh size", "socket_support": "socket", "friction": "friction"}
+FIRST = {
+    "size": "mesh size",
+    "socket_support": "socket",
+    "friction": "friction",
+    "donning": "donning",
+}
 """What a reader wants to know of the settings first, and its words."""
 
 

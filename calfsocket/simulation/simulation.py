@@ -19,7 +19,13 @@ from calfsocket.io.schema import nearest
 from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
-from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
+from calfsocket.mechanics.limb_problem import (
+    DONNINGS,
+    SUPPORTS,
+    Donning,
+    SocketSupport,
+    limb_problem,
+)
 from calfsocket.mechanics.loading import Loading
 from calfsocket.mechanics.stages import StageStepper
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
@@ -48,6 +54,10 @@ STEP_COLUMNS = {
     "seconds": "seconds",
 }
 """Columns of load steps, and where a `LoadStep` has their values."""
+
+
+LARGEST_EXPANDED = 0.05
+"""Largest load step of an expanded socket: it touches the skin point by point."""
 
 
 class Monitor:
@@ -94,6 +104,10 @@ class Simulation:
         How the socket sits on the limb, where that is known already.
     loading : Loading, optional
         Stages of loading after donning.
+    donning : {"gap", "expanded"}
+        Whether the gaps are closed in proportion, or the socket starts wide, is moved over the limb
+        and let go. Shear and the stress of the skin depend on it. An expanded socket takes load
+        steps of at most `LARGEST_EXPANDED`, without extrapolation.
 
     Raises
     ------
@@ -119,9 +133,14 @@ class Simulation:
         comm: MPI.Intracomm | None = None,
         placement: Placement | None = None,
         loading: Loading | None = None,
+        donning: Donning = "gap",
     ) -> None:
-        if support not in SUPPORTS:
-            raise InputError(f"support: is '{support}'; {nearest(str(support), SUPPORTS)}")
+        for name, value, allowed in (
+            ("support", support, SUPPORTS),
+            ("donning", donning, DONNINGS),
+        ):
+            if value not in allowed:
+                raise InputError(f"{name}: is '{value}'; {nearest(str(value), allowed)}")
         self.limb, self.socket, self.materials = limb, socket, materials
         self.mesh_size = checked_size(mesh_size)
         self.contact = contact or Contact()
@@ -130,6 +149,9 @@ class Simulation:
         if self.steps.extrapolate is None:
             combined = materials.base == "combined"
             self.steps = self.steps.model_copy(update={"extrapolate": combined})
+        self.donning = donning
+        if donning == "expanded":
+            self.steps = expanded_steps(self.steps)
         self.comm = MPI.COMM_WORLD if comm is None else comm
         self.phases = Phases()
         self._placement = placement
@@ -159,7 +181,12 @@ class Simulation:
     @property
     def inputs(self) -> dict[str, Any]:
         """All that the result depends on, except versions and PETSc's options, as JSON."""
-        loading = {"loading": self.loading.model_dump(mode="json")} if self.loading else {}
+        # What is as by default is left out, so that earlier results keep their fingerprints.
+        added: dict[str, Any] = {}
+        if self.loading:
+            added["loading"] = self.loading.model_dump(mode="json")
+        if self.donning != "gap":
+            added["donning"] = self.donning
         return {
             "limb": self.limb.model_dump(mode="json"),
             "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
@@ -171,7 +198,7 @@ class Simulation:
             "contact": self.contact.model_dump(mode="json"),
             "support": self.support,
             "steps": self.steps.model_dump(mode="json"),
-            **loading,
+            **added,
         }
 
     @property
@@ -220,7 +247,7 @@ class Simulation:
             section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size)
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
-            problem = limb_problem(section, laws, self.contact, self.support)
+            problem = limb_problem(section, laws, self.contact, self.support, donning=self.donning)
             stepper = LoadStepper(
                 problem, self.steps, on_iteration=monitor.iteration, on_step=monitor.step
             )
@@ -346,6 +373,17 @@ class Simulation:
             seconds=self.phases.seconds,
             checks=checks,
         )
+
+
+def expanded_steps(steps: LoadSteps) -> LoadSteps:
+    """Return load steps that an expanded socket may take."""
+    largest = min(steps.largest, LARGEST_EXPANDED)
+    sizes = {
+        "first": min(steps.first, largest),
+        "largest": largest,
+        "smallest": min(steps.smallest, largest),
+    }
+    return steps.model_copy(update={**sizes, "extrapolate": False})
 
 
 def check_loading(loading: Loading, limb: Limb, support: SocketSupport) -> None:

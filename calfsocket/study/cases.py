@@ -90,6 +90,7 @@ class Case:
             comm=comm,
             placement=self.placement,
             loading=self.document.loading,
+            donning=model.donning,
         )
 
 

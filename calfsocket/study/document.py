@@ -13,7 +13,7 @@ from calfsocket.io.units import SHARE, STRESS
 from calfsocket.materials.laws import OgdenForm
 from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
-from calfsocket.mechanics.limb_problem import SocketSupport
+from calfsocket.mechanics.limb_problem import Donning, SocketSupport
 from calfsocket.mechanics.loading import Loading, Stage, check_names
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
@@ -96,6 +96,9 @@ class ModelTable(Contact):
         Mesh: coarse, medium or paper, or the number of triangles.
     socket_support : str
         Whether the socket rests on the limb alone or is fixed at its outer face.
+    donning : str
+        How the socket is put on: gap closes the gaps in proportion; expanded starts with a wide
+        socket, moves it over the limb and lets it go. Shear and skin stress depend on it.
     fascia_c10 : str
         C10 of fascia: 4.91 MPa as printed, or 0.491 MPa, which the paper's tables need.
     ogden_form : str
@@ -104,6 +107,7 @@ class ModelTable(Contact):
 
     size: str | Annotated[int, Field(strict=True)] = "paper"
     socket_support: SocketSupport = "floating"
+    donning: Donning = "gap"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
 

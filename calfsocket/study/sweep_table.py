@@ -47,8 +47,8 @@ def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) 
     if STATE not in summary:
         summary = summary.assign(**{STATE: DONNED})
     results = {} if summary.empty else summary.set_index(key)["value"].to_dict()
-    stages = dict.fromkeys(stage.name for case in plan.cases for stage in case.document.loads)
-    for state in (DONNED, *stages):
+    states = dict.fromkeys([DONNED, *(summary[STATE] if len(summary) else [])])
+    for state in states:
         for heading, tissue, quantity in _headings(plan):
             in_state = heading if state == DONNED else f"{heading}_{state}"
             for row, case in zip(rows, cases, strict=True):
