@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from calfsocket.contact.parameters import Contact as Contact
     from calfsocket.imaging.levels import LimbLevels as LimbLevels
     from calfsocket.imaging.limb import Limb as Limb
+    from calfsocket.imaging.socket_scan import Socket as Socket
     from calfsocket.io.errors import CalfsocketError as CalfsocketError
     from calfsocket.io.errors import ConvergenceError as ConvergenceError
     from calfsocket.io.errors import InputError as InputError
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from calfsocket.meshes.socket import CircleBlend as CircleBlend
     from calfsocket.meshes.socket import NormalOffset as NormalOffset
     from calfsocket.meshes.socket import Outline as Outline
-    from calfsocket.meshes.socket import Socket as Socket
+    from calfsocket.meshes.socket import Sections as Sections
     from calfsocket.simulation.result import Result as Result
     from calfsocket.simulation.results import Results as Results
     from calfsocket.simulation.results import load_results as load_results
@@ -70,7 +71,8 @@ _MODULES = {
     "CircleBlend": "meshes.socket",
     "NormalOffset": "meshes.socket",
     "Outline": "meshes.socket",
-    "Socket": "meshes.socket",
+    "Sections": "meshes.socket",
+    "Socket": "imaging.socket_scan",
     "Result": "simulation.result",
     "Results": "simulation.results",
     "load_results": "simulation.results",

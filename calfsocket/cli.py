@@ -16,6 +16,7 @@ from calfsocket.commands.calibrate import calibrate
 from calfsocket.commands.fit import fit
 from calfsocket.commands.limb import limb
 from calfsocket.commands.report import picture, report
+from calfsocket.commands.socket import socket
 from calfsocket.commands.study import run, study
 from calfsocket.io.errors import CalfsocketError, InputError
 from calfsocket.parallel.abort import abort_all, all_arrive, exit_code, handle_termination
@@ -26,6 +27,7 @@ COMMANDS = {
     command.name: command
     for command in (
         limb,
+        socket,
         study_files.new,
         study_files.check,
         study_files.show,

@@ -1,5 +1,8 @@
 """Smooth curves through scanned outlines, whose points are uneven and noisy."""
 
+from collections.abc import Iterator, Sequence
+from functools import cache
+
 import numpy as np
 import shapely
 from scipy.interpolate import BSpline
@@ -87,6 +90,13 @@ def fair(
     .. [3] Y.-J. Kim and C. Gu, Journal of the Royal Statistical Society B 66 (2004) 337-356,
        doi:10.1046/j.1369-7412.2003.05316.x.
     """
+    return next(fair_each(points, tolerance, noise, (radius,), step))
+
+
+def fair_each(
+    points: Array, tolerance: float, noise: float, radii: Sequence[float], step: float
+) -> Iterator[tuple[Array, float, Array]]:
+    """Yield what `fair` returns for one radius after the other; what they share is done once."""
     ring = shapely.LinearRing(points)
     sides, arcs = _on_sides(points)
     share = (
@@ -99,6 +109,7 @@ def fair(
         places = np.linspace(0, 1, _PLACES, endpoint=False)
         share = places[cKDTree(fit.spline(best)(places)).query(points)[1]]
 
+    @cache
     def at(weight: float) -> tuple[Array, ClosedCurve, Array]:
         found = fit.spline(weight)(np.arange(number) / number)
         curve = curves.through(found)
@@ -109,12 +120,13 @@ def fair(
         # What is noise on the whole may be shape at one place.
         closer = (float(weight) for weight in _WEIGHTS[_WEIGHTS < best][::-1])
         best = next((weight for weight in closer if at(weight)[2].max() <= tolerance), best)
-    for weight in _WEIGHTS[_WEIGHTS >= best]:
-        found, curve, distance = at(weight)
-        worst = int(np.argmax(distance))
-        if distance[worst] > tolerance or _is_smooth(curve, radius):
-            break
-    return found, float(distance[worst]), sides[worst]
+    for radius in radii:
+        for weight in map(float, _WEIGHTS[_WEIGHTS >= best]):
+            found, curve, distance = at(weight)
+            worst = int(np.argmax(distance))
+            if distance[worst] > tolerance or _is_smooth(curve, radius):
+                break
+        yield found, float(distance[worst]), sides[worst]
 
 
 def _on_sides(points: Array) -> tuple[Array, Array]:

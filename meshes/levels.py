@@ -41,9 +41,9 @@ class Place(Strict):
         return f"{self.height:.3f}"
 
     @property
-    def columns(self) -> tuple[float, float]:
-        """Share and mm for tables."""
-        return self.height, self.height_mm
+    def label(self) -> str:
+        """Part of a case's name."""
+        return f"level={self.name}"
 
 
 class ListedLevel(Place):

@@ -10,6 +10,7 @@ from pydantic import Field, GetJsonSchemaHandler, RootModel
 from pydantic_core import CoreSchema
 
 from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.files import write_json
 from calfsocket.io.quantity import Written
 from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
 from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
@@ -108,8 +109,9 @@ class Socket(Strict):
         Parameters
         ----------
         path
-            A TOML file with what a study file has under ``[sockets.NAME]``, or an outline as CSV,
-            DXF or SVG (`from_outline`). Its name is the socket's.
+            A TOML file with what a study file has under ``[sockets.NAME]``, a JSON file of the
+            command `socket`, or an outline as CSV, DXF or SVG (`from_outline`). Its name is the
+            socket's.
 
         Raises
         ------
@@ -117,6 +119,11 @@ class Socket(Strict):
             When the file cannot be read or is wrong; names the file and the key.
         """
         path = Path(path)
+        if path.suffix.lower() == ".json":
+            file = read_json(path, SectionsFile)
+            return Sections(
+                name=path.stem, title=file.title, sections=file.sections, source=file.source
+            )
         if path.suffix.lower() != ".toml":
             return Socket.from_outline(path)
         content = read_toml(path)
@@ -125,6 +132,7 @@ class Socket(Strict):
                 content,
                 reference_sockets(),
                 lambda name, file: _read_outline(path.parent / name, file),
+                lambda name: sections_in(path.parent / name),
             )
         table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
@@ -165,6 +173,10 @@ class Socket(Strict):
         read = _read_outline(path, file)
         return Outline(**vars(read), shift=shift, rotation=rotation, **wall)
 
+    def thickness(self, limb: Limb) -> float:
+        """Return the thickness of the wall around a limb, mm."""
+        return self.wall_thickness
+
     def elasticity(self) -> dict[str, float]:
         """Return what is the wall's own of E (MPa) and nu; empty where it is the material set's."""
         numbers = {"e": self.modulus, "nu": self.poisson}
@@ -186,7 +198,7 @@ class Socket(Strict):
         InputError
             When a face crosses itself, or the wall folds over where the inner face is hollow.
         """
-        thickness = self.wall_thickness
+        thickness = self.thickness(limb)
         inner = self.inner_face(limb)
         _check_face(inner, limb.frame, "the inner face crosses itself", self._remedy)
         _check_wall(inner, limb.frame, thickness)
@@ -327,7 +339,166 @@ class Outline(Socket):
         return curves.through(np.asarray(self.points) @ rotation + np.asarray(self.shift))
 
 
-AnySocket = Annotated[Union[NormalOffset, CircleBlend, Outline], Field(discriminator="law")]  # noqa: UP007
+#: Planes of a limb's section and a socket's outline that differ by less, mm and of unit vectors,
+#: are one: files have five digits.
+SAME_PLANE = 1e-3
+Triple = tuple[float, float, float]
+
+
+class SectionOutline(Strict):
+    """A socket's inner face in the plane of one section of a limb.
+
+    Attributes
+    ----------
+    level : str, optional
+        Of the section, as it was asked for.
+    origin, normal, anterior : tuple of float
+        The section's plane, mm, as in the `source` of the limb's file.
+    points : tuple of (x, y)
+        mm, of a closed spline in the section's axes.
+    deviation_mm : float
+        Largest distance of that spline from the scan.
+    wall_mm : float, optional
+        Thickness of the wall there, where the scan has both faces.
+    """
+
+    level: str | None = None
+    origin: Triple
+    normal: Triple
+    anterior: Triple
+    points: Points
+    deviation_mm: Annotated[float, Field(ge=0)] = 0.0
+    wall_mm: Annotated[float, Field(gt=0)] | None = None
+
+    def is_of(self, limb: Limb) -> bool:
+        """Return whether it was cut in the plane of a limb's section."""
+        if limb.source is None:
+            return False
+        return all(
+            there is not None and np.abs(np.subtract(here, there)).max() < SAME_PLANE
+            for here, there in (
+                (self.origin, limb.source.origin),
+                (self.normal, limb.source.normal),
+                (self.anterior, limb.source.anterior),
+            )
+        )
+
+
+class SocketProvenance(Strict):
+    """Which scan a socket was cut from, and how it was laid on the limb.
+
+    Attributes
+    ----------
+    file, sha256 : str
+        Name of the scan, and its hash.
+    registration : {"icp", "none"}
+        How its place was found.
+    rotation, shift : tuple of float
+        From the scan's axes to those of the limb's source: a matrix, row by row, and then mm.
+    gap_mm, gap_error_mm : float
+        Mean distance of the skin outside the inner face, and its standard uncertainty.
+    rms_mm, largest_mm : float
+        Root mean square, and largest, of the distances from that mean.
+    covered : float
+        Share of the skin's points that the inner face has beside it.
+    tolerance_mm : float
+        Largest distance of the curves from the scan.
+    program : str
+        What made it, with its version.
+    notes : tuple of str
+        What was left out, and what is not certain.
+    """
+
+    file: str
+    sha256: str
+    registration: Literal["icp", "none"]
+    rotation: tuple[Triple, Triple, Triple]
+    shift: Triple
+    gap_mm: float
+    gap_error_mm: float
+    rms_mm: float
+    largest_mm: float
+    covered: float
+    tolerance_mm: float
+    program: str
+    notes: tuple[str, ...] = ()
+
+
+class SectionsFile(Strict):
+    """A socket as the command `socket` writes it: an outline for each section of a limb."""
+
+    title: str = ""
+    units: Literal["mm, deg"]
+    source: SocketProvenance
+    sections: Annotated[tuple[SectionOutline, ...], Field(min_length=1)]
+
+
+class Sections(Socket):
+    """Inner face: of the outlines cut from a socket's scan, the one in the limb's own section.
+
+    Attributes
+    ----------
+    sections : tuple of SectionOutline
+        For each section of the limb.
+    source : SocketProvenance, optional
+        The scan.
+    """
+
+    law: Literal["sections"] = "sections"
+    sections: Annotated[tuple[SectionOutline, ...], Field(min_length=1)]
+    source: SocketProvenance | None = None
+
+    _remedy: ClassVar[str] = "smooth the scan"
+    tighter: ClassVar[str] = "check that the scan is that of the socket's inner face, and its place"
+
+    def of(self, limb: Limb) -> SectionOutline:
+        """Return the outline in the section of a limb.
+
+        Raises
+        ------
+        InputError
+            When there is none.
+        """
+        for each in self.sections:
+            if each.is_of(limb):
+                return each
+        known = ", ".join(each.level or "a plane" for each in self.sections)
+        level = limb.source.level if limb.source else None
+        where = f"{level} of the limb" if level else "this limb"
+        raise InputError(
+            f"has no outline in the section at {where}, but for {known} of the limb that it was cut"
+            " for; cut it for this one by `python3 -m calfsocket socket`"
+        )
+
+    def thickness(self, limb: Limb) -> float:
+        """Return the thickness of the wall there: the scan's where it has both faces."""
+        return self.of(limb).wall_mm or self.wall_thickness
+
+    def notices(self) -> Iterator[str]:
+        """Yield how the scan was laid on the limb."""
+        if self.source:
+            yield (
+                f"cut from {self.source.file}, which lies {self.source.gap_mm:.2f} mm"
+                f" inside the skin (+-{self.source.rms_mm:.2f} mm root mean square)"
+            )
+
+    def inner_face(self, limb: Limb) -> ClosedCurve:
+        """Return the spline in the limb's section."""
+        return curves.through(self.of(limb).points)
+
+    def write(self, path: Path | str) -> None:
+        """Write the outlines so that `Socket.read` gives them back."""
+        assert self.source is not None
+        file = SectionsFile(
+            title=self.title, units="mm, deg", source=self.source, sections=self.sections
+        )
+        write_json(Path(path), file.model_dump(mode="json", exclude_none=True))
+
+
+AnySocket = Annotated[
+    Union[NormalOffset, CircleBlend, Outline, Sections],  # noqa: UP007
+    Field(discriminator="law"),
+]
 
 
 def _check_face(face: ClosedCurve, frame: Frame, what: str, remedy: str) -> None:
@@ -386,6 +557,11 @@ def _read_outline(path: Path, file: OutlineFile) -> "ReadOutline":
     return read_outline(path, file)
 
 
+def sections_in(path: Path) -> dict[str, Any]:
+    """Return the content of a file of the command `socket`, checked."""
+    return read_json(path, SectionsFile).model_dump(mode="json", exclude_none=True)
+
+
 _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend": CircleBlend}
 """Kinds whose numbers a table may give."""
 
@@ -394,29 +570,33 @@ def resolved(
     table: Any,
     reference: Mapping[str, AnySocket],
     outline: Callable[[str, OutlineFile], "ReadOutline"],
+    sections: Callable[[str], Mapping[str, Any]],
 ) -> Any:
     """Return a socket's table as its class has it, its file read and its reference filled in.
 
     Parameters
     ----------
     table
-        With one of the keys `law`, `outline` and `like`, as read from TOML.
+        With one of the keys `law`, `outline`, `sections` and `like`, as read from TOML.
     reference : mapping
         Sockets that others may be like.
     outline : callable
         Reads an outline by the name of its file.
+    sections : callable
+        Reads a file of the command `socket` by its name.
 
     Raises
     ------
     InputError
-        When the table is none of the three, or has a key that the socket it is like does not have.
+        When the table is none of the four, or has a key that the socket it is like does not have.
     """
-    ways = [key for key in ("law", "outline", "like") if isinstance(table, dict) and key in table]
+    known = ("law", "outline", "sections", "like")
+    ways = [key for key in known if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
         *some, last = map(repr, reference)
         raise InputError(
             "is not a socket; give exactly one of law = 'normal_offset' or 'circle_blend', "
-            f"outline = 'FILE', like = {', '.join(some)} or {last}"
+            f"outline = 'FILE', sections = 'FILE', like = {', '.join(some)} or {last}"
         )
     if ways == ["law"]:
         return table
@@ -432,6 +612,15 @@ def resolved(
         read = outline(source, checked(Path("outline"), how, OutlineFile))
         deviation = LENGTH.text(read.deviation, "mm")
         return {"law": "outline", "points": read.points, "deviation": deviation} | changed
+    if ways == ["sections"]:
+        if "source" in changed:
+            raise InputError(f"source: comes from the file {source}; remove it")
+        content = sections(source)
+        # A thickness that is given counts, also where the scan has one.
+        without = {"wall_mm": None} if "wall_thickness" in changed else {}
+        outlines = [each | without for each in content["sections"]]
+        found = {"law": "sections", "sections": outlines, "source": content["source"]}
+        return found | {"title": content.get("title", "")} | changed
     with error_context("like"):
         like = _named(source, reference)
     fields = {name for kind in _KINDS.values() for name in kind.model_fields}
@@ -454,15 +643,19 @@ class _Table:
             properties.pop("name", None)  # that of its table
             for field in properties.values():
                 field.pop("default", None)  # a number without a unit
-        offset, blend, outline = (dict(kind["properties"]) for kind in kinds)
+        offset, blend, outline, sections = (dict(kind["properties"]) for kind in kinds)
         required = [["law", *kind["required"]] for kind in kinds[:2]]
         like = {"like": {"enum": list(reference_sockets())}, **offset, **blend}
         like.pop("law")
         outline["outline"] = {"type": "string", "minLength": 1, "description": "name of a file"}
         outline |= how
         del outline["law"], outline["points"], outline["deviation"]
+        sections["sections"] = outline["outline"] | {"description": "file of the command socket"}
+        del sections["law"], sections["source"]
         tables = zip(
-            (offset, blend, outline, like), (*required, ["outline"], ["like"]), strict=True
+            (offset, blend, outline, sections, like),
+            (*required, ["outline"], ["sections"], ["like"]),
+            strict=True,
         )
         shared = {"type": "object", "additionalProperties": False}
         return {

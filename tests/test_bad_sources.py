@@ -161,6 +161,10 @@ def two_tibias(labels: np.ndarray) -> np.ndarray:
     return labels
 
 
+def two_of_them(labels: np.ndarray) -> np.ndarray:
+    return np.concatenate([labels, labels[::-1]])
+
+
 def truncated_map(write: Callable[..., Path], name: str) -> Make:
     def make(folder: Path) -> list[str]:
         path = write(folder / name, *a_map())
@@ -275,7 +279,7 @@ TRIALS = (
           ("no bone is known",)),
     Trial("no bone, and no directions for the atlas",
           lambda folder: limb(folder, *UP, parts=["skin"]),
-          ("add --anterior and --side",)),
+          ("add --side, and --anterior",)),
     Trial("a level outside the source", lambda folder: limb(folder, "--level", "400 mm"),
           ("the source is 200 mm high",)),
     Trial("a level of 30, not 0.3", lambda folder: limb(folder, "--level", "30"),
@@ -313,7 +317,10 @@ TRIALS = (
     Trial("an AOP in other coordinates",
           an_aop(lambda lines: [line.replace("CYLINDRICAL", "CARTESIAN") for line in lines]),
           ("line 3: is 'CARTESIAN'",)),
-    Trial("an AOP with radii of 0", an_aop(lambda lines: [*lines[:-1], "0"]), ("be positive",)),
+    Trial("an AOP that ends in its landmarks",
+          an_aop(lambda lines: [*lines[:4], "2", "patella", "40 90 100"]),
+          ("ends after 1 of 2 landmarks",)),
+    Trial("an AOP with radii of 0", an_aop(lambda lines: [*lines[:-1], "0"]), ("radii positive",)),
     Trial("a label map without a table", no_table, ("what are its labels 1", "--labels FILE.csv")),
     Trial("a label that the table lacks", labelled(text="1,muscle\n2,tibia\n"),
           ("does not list label 3",)),
@@ -322,8 +329,13 @@ TRIALS = (
     Trial("a table of other columns", labelled(text="tibia,2\n"), ("line 1: is not label,region",)),
     Trial("an empty label map", labelled(np.zeros_like), ("is empty",)),
     Trial("a tibia in two pieces", labelled(two_tibias), ("tibia is in pieces of",)),
+    Trial("two limbs in a label map", labelled(two_of_them), ("has two limbs; add --side left",)),
+    Trial("parts of both legs in the table",
+          labelled(text="1,muscle\n2,left_tibia\n3,tibia_right\n"),
+          ("names parts of a left and of a right limb", "--side")),
+    Trial("septa of 20 mm", lambda folder: limb(folder, "--septum", "20"), ("septum: is 20 mm",)),
     Trial("no tibia in the table", labelled(text="1,muscle\n2,ignore\n3,ignore\n"),
-          ("add --anterior and --side",)),
+          ("add --side, and --anterior",)),
     Trial("bones alone", labelled(text="1,ignore\n2,tibia\n3,fibula\n"),
           ("label skin or flesh too",)),
     Trial("grey values", an_image, ("an image, not labels",)),

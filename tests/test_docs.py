@@ -2,14 +2,18 @@
 
 import json
 import re
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
+from phantom import Phantom
+from socket_phantom import GAP, SocketPhantom, elsewhere
 
 import calfsocket
+from calfsocket import cli
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCS = REPOSITORY / "docs"
@@ -58,6 +62,32 @@ def test_a_sweep(in_folder: Path) -> None:
     for name in ("summary.csv", "contact.csv", "steps.csv", "cases.csv"):
         table = pd.read_csv(in_folder / "results" / name, index_col=False)
         assert columns(name) == [column for column in table if column not in KEY]
+
+
+def test_a_scan(in_folder: Path) -> None:
+    """The commands and the study file of the page, as they stand there, on the phantom."""
+    Phantom(noise=0.1).write_one(in_folder / "leg.stl", "skin", "tibia", "fibula")
+    elsewhere(SocketPhantom(Phantom(), noise=0.1)).write(in_folder / "socket.stl")
+    page = (DOCS / "tutorials" / "a_scan.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```(sh|toml)\n(.*?)^```$", page, flags=re.DOTALL | re.MULTILINE)
+    for kind, text in blocks:
+        if kind == "toml":
+            (in_folder / "study.toml").write_text(text)
+            continue
+        for line in text.splitlines():
+            python, m, program, *words = shlex.split(line)
+            assert (python, m, program) == ("python3", "-m", "calfsocket")
+            assert cli.main(words) == 0
+    made = calfsocket.Socket.read(in_folder / "my-socket.json")
+    assert isinstance(made, calfsocket.Sections) and made.source is not None
+    assert f"{made.source.gap_mm:.2f} +- {made.source.gap_error_mm:.1f} mm" in page
+    assert abs(made.source.gap_mm - GAP) < made.source.gap_error_mm
+    results = calfsocket.load_results(in_folder / "results")
+    means = [result.contact_levels["contact_pressure_mean"].value for result in results.values()]
+    assert [round(mean) for mean in means] == [26, 24, 22]
+    assert {path.suffix for path in (in_folder / "results" / "pressure_maps").iterdir()} == {
+        ".csv", ".png", ".vtp",
+    }  # fmt: skip
 
 
 def columns(name: str) -> list[str]:

@@ -48,6 +48,69 @@ def test_an_aop_has_the_sections_that_went_into_it(tmp_path: Path, spacing: floa
     assert part.outlines.frame.known
 
 
+MARKS = {"Patella Tendon": (0.9, 90.0), "Fibula Head": (0.85, -30.0), "Distal End": (0.05, 10.0)}
+
+
+def with_landmarks(
+    path: Path, phantom: Phantom, order: tuple[int, int, int], layout: str
+) -> dict[str, np.ndarray]:
+    """Add landmarks to an AOP file as programs write them; return where they are."""
+    lines = aop(path, phantom, side="NONE").read_text().splitlines()
+    rows, places = [], {}
+    for name, (share, angle) in MARKS.items():
+        away = np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+        ray = shapely.LineString([(0, 0), 200 * away])
+        radius = ray.intersection(phantom.section("skin", share)).length
+        places[name.lower()] = np.array([*radius * away, share * HEIGHT])
+        numbers = [str((radius, angle, share * HEIGHT)[i]) for i in order]
+        rows += {
+            "one line": [" ".join([name, *numbers])],
+            "two lines": [name, " ".join(numbers)],
+            "four lines": [f'"{name}"', *numbers],
+        }[layout]
+    changed = [*lines[:5], str(len(MARKS)), *rows, *lines[6:]]
+    path.write_text("\r\n".join(changed), newline="")
+    return places
+
+
+@pytest.mark.parametrize(
+    ("order", "layout"),
+    [((0, 1, 2), "one line"), ((1, 2, 0), "two lines"), ((2, 1, 0), "four lines")],
+)
+def test_landmarks_of_an_aop_say_front_and_side(
+    tmp_path: Path, order: tuple[int, int, int], layout: str
+) -> None:
+    phantom = Phantom(taper=(0.6, 1.2))
+    places = with_landmarks(tmp_path / "scan.aop", phantom, order, layout)
+    source = read_source([tmp_path / "scan.aop"])
+    assert source.landmarks.keys() == places.keys()
+    for name, place in places.items():
+        assert source.landmarks[name] == pytest.approx(place, abs=1e-6)
+    found = find_anatomy(source, Said())
+    assert found.side == "right"
+    assert found.anterior is not None and found.anterior @ [0, 1, 0] > 0.98
+
+
+def test_landmarks_that_are_not_on_the_surface_are_not_used(tmp_path: Path) -> None:
+    path = aop(tmp_path / "scan.aop", Phantom(taper=(0.6, 1.2)), side="NONE")
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:5], "1", "patella 1 2 3", *lines[6:]]))
+    source = read_source([path])
+    assert source.landmarks == {}
+    assert find_anatomy(source, Said()).anterior is None
+
+
+def test_levels_from_the_top_and_angles_one_by_one(tmp_path: Path) -> None:
+    lines = aop(tmp_path / "scan.aop", Phantom()).read_text().splitlines()
+    points, triangles = read_aop(tmp_path / "scan.aop")
+    radii = np.array(lines[51:], dtype=float).reshape(41, 72)[::-1]
+    listed = [*lines[:7], "0", *map(str, 5.0 * np.arange(72)), *lines[8:10], *lines[50:9:-1]]
+    (tmp_path / "other.aop").write_text("\n".join([*listed, *map(str, radii.ravel())]))
+    same, cells = read_aop(tmp_path / "other.aop")
+    assert same == pytest.approx(points)
+    assert np.array_equal(cells, triangles)
+
+
 def test_an_aop_turns_counter_clockwise(tmp_path: Path) -> None:
     points, triangles = read_aop(aop(tmp_path / "scan.aop", Phantom(twist=0)))
     ring = points[:72]

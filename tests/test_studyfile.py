@@ -25,7 +25,18 @@ from calfsocket.study.files import Files
 from calfsocket.study.study import Study, example, variants
 
 STUDIES = Path(document.__file__).parent / "data"
+PLANE = {"origin": (0, 0, 80), "normal": (0, 0, 1), "anterior": (0, 1, 0)}
 RING = tuple((55 * np.cos(t), 55 * np.sin(t)) for t in np.arange(0, 6, 0.5))
+SECTIONS = {
+    "sections": [PLANE | {"points": RING, "wall_mm": 4.0}],
+    "source": {
+        **{"file": "scan.stl", "sha256": "0", "registration": "none"},
+        **{"rotation": ((1, 0, 0), (0, 1, 0), (0, 0, 1)), "shift": (0, 0, 0)},
+        **{"gap_mm": 1.2, "gap_error_mm": 0.1, "rms_mm": 0.1, "largest_mm": 0.4},
+        **{"covered": 1.0, "tolerance_mm": 0.2, "program": "calfsocket"},
+    },
+}
+"""As `socket` writes it."""
 
 
 @pytest.fixture
@@ -109,10 +120,10 @@ def test_every_remark_of_the_example_can_be_used():
         lines.append(remark[1] if remark else line)
     content = tomllib.loads("\n".join(lines))
     assert content.keys() == document.Document.model_fields.keys()
-    assert content["sockets"].keys() == {"mine", "drawn", "offset", "round"}
+    assert content["sockets"].keys() == {"mine", "drawn", "scanned", "offset", "round"}
     assert content["materials"]["soft-fat"].keys() >= {"skin", "fascia", "vessel", "muscle"}
     tables = {
-        name: resolved(table, reference_sockets(), lambda *_: ReadOutline(RING))
+        name: resolved(table, reference_sockets(), lambda *_: ReadOutline(RING), lambda _: SECTIONS)
         for name, table in content["sockets"].items()
     }
     document.Document.model_validate(content | {"sockets": tables})

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import command, first_rank, group, option
-from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,6 +79,12 @@ _NOT_OF_DRAWINGS = "does not belong to a drawing of the section; omit it"
         ),
         option(
             "--fibular-head", type=float, metavar="DEG", help="that of the fibula (0 is lateral)"
+        ),
+        option(
+            "--septum",
+            type=float,
+            metavar="MM",
+            help="between muscles of the source that touch (default: the reference's, 0.76)",
         ),
     ),
     group(
@@ -154,6 +160,7 @@ def limb(arguments: Namespace) -> None:
         arguments.fat_thickness,
         arguments.crest,
         arguments.fibular_head,
+        arguments.septum,
     )
 
     def write(made: "Imported", path: Path) -> None:
@@ -177,8 +184,7 @@ def _write_levels(
 
     if arguments.level or arguments.plane:
         raise InputError("--levels: is given with --level or --plane; give one of them")
-    with error_context("--levels"):
-        levels = levels_of(arguments.levels)
+    levels = levels_of(arguments.levels)
     if any(map(is_drawing, arguments.source)):
         raise InputError(f"--levels: {_NOT_OF_DRAWINGS}")
     source, anatomy = _source(arguments)
@@ -222,7 +228,12 @@ def _source(arguments: Namespace) -> "tuple[Source, Anatomy]":
 
     voxel = voxel_of(arguments.voxel) if arguments.voxel else None
     source = read_source(
-        arguments.source, arguments.units, _roles(arguments), arguments.labels, voxel
+        arguments.source,
+        arguments.units,
+        _roles(arguments),
+        arguments.labels,
+        voxel,
+        arguments.side,
     )
     return source, find_anatomy(source, _said(arguments))
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import pyvista
 
+from calfsocket.imaging.crest import CREST_ANGLE, SHARPER, crest
 from calfsocket.imaging.plane import Cut, Plane, cut
 from calfsocket.imaging.source import Source
 from calfsocket.io.errors import InputError
@@ -30,6 +31,8 @@ _LONGER = 1.15
 #: Share of the length of a bone or limb whose centroids make its axis, and levels in it: knee and
 #: end are left out.
 _SHAFT, _LEVELS = (0.2, 0.8), 13
+#: Parts of the names of landmarks that lie in front of the tibia, or on the fibula.
+_IN_FRONT, _LATERAL = ("crest", "tuber", "patel"), ("fib",)
 _AXES = re.compile(r"([+-])([xyz])")
 
 
@@ -248,6 +251,16 @@ def _front(
         front = _square(source.anterior, axis, "anterior")
         found.append("anterior: by the axes of the file")
     if towards is None:
+        if front is None:
+            front = _by_landmarks(source, axis, centre, _IN_FRONT)
+            if front is not None:
+                found.append("anterior: by the landmarks in front of the tibia")
+        outward = _by_landmarks(source, axis, centre, _LATERAL)
+        if front is not None and outward is not None and not side:
+            side = "right" if float(outward @ np.cross(front, axis)) > 0 else "left"
+            found.append(f"side: {side}, by the landmark of the fibula, which is lateral")
+        if front is None and side and not source.bones:
+            front = _by_crest(source, axis, side, found)
         return front, side
     if front is not None and not side:
         # Seen from above with the front up, lateral is to the right of a right leg.
@@ -271,6 +284,33 @@ def _front(
         front = np.cos(turn) * towards + np.sin(turn) * np.cross(axis, towards)
         found.append("anterior: as in the reference calf, by the direction from tibia to fibula")
     return front, side
+
+
+def _by_landmarks(source: Source, axis: Array, centre: Array, words: Sequence[str]) -> Array | None:
+    """Return the mean direction from the axis to landmarks with one of the words in their names."""
+    away = [
+        _square(place - centre, axis, name)
+        for name, place in source.landmarks.items()
+        if any(word in name for word in words)
+    ]
+    mean = np.sum(away, axis=0)
+    return np.asarray(mean / np.linalg.norm(mean)) if np.any(mean) else None
+
+
+def _by_crest(source: Source, axis: Array, side: Side, found: list[str]) -> Array | None:
+    """Return the anterior direction by the crest of the tibia, if the skin shows it."""
+    planes = _levels(source.skin.surface, axis, _SHAFT)
+    cuts = [_closed(source.skin.surface, plane) for plane in planes]
+    ridge = crest([each.bodies[0] for each in cuts if each], planes[0])
+    if ridge is None or ridge.sharper < SHARPER:
+        return None
+    found.append(
+        f"anterior: assumed, by the sharpest ridge of the skin, taken to be the tibia's crest:"
+        f" {ridge.sharper:.2f} times as sharp as the next one ({SHARPER:g} is asked for)"
+    )
+    turn = np.deg2rad(90 - CREST_ANGLE) * (1 if side == "right" else -1)
+    front = np.cos(turn) * ridge.direction + np.sin(turn) * np.cross(axis, ridge.direction)
+    return np.asarray(front)
 
 
 def _square(vector: Array, axis: Array, what: str) -> Array:

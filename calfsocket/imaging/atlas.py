@@ -32,7 +32,7 @@ _BARE = "and down to the bone where no muscle lies between them"
 #: A tibia with so many times the share of the section that it has in the atlas is near the knee.
 MUCH_BONE = 2.5
 #: Thickness that may be asked for, mm.
-SKIN_THICKNESS, FAT_THICKNESS = (0.2, 10.0), (0.3, 100.0)
+SKIN_THICKNESS, FAT_THICKNESS, SEPTUM = (0.2, 10.0), (0.3, 100.0), (0.2, 5.0)
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,7 @@ def carried(
     fat_thickness: float | None = None,
     crest: float | None = None,
     fibular_head: float | None = None,
+    septum: float | None = None,
 ) -> AtlasLimb:
     """Carry the regions of a reference limb into a section.
 
@@ -100,6 +101,8 @@ def carried(
     crest, fibular_head : float, optional
         Anatomical angles, degrees, of the crest of the tibia and of the fibula, for a section of
         which only the skin is known.
+    septum : float, optional
+        Between muscles of the section that touch, mm; by default the median of the atlas's septa.
 
     Raises
     ------
@@ -108,11 +111,17 @@ def carried(
     """
     _check_range("skin thickness", skin_thickness, SKIN_THICKNESS)
     _check_range("fat thickness", fat_thickness, FAT_THICKNESS)
+    _check_range("septum", septum, SEPTUM)
     atlas = Reference.calf() if reference is None else Reference.of(reference)
     _check_regions(atlas, outlines)
     section = AlignedSection.of(outlines)
-    skin = atlas.skin_thickness if skin_thickness is None else skin_thickness
-    assumed = [f"skin: {skin:.2g} mm thick"]
+    skin, assumed = atlas.skin_thickness, []
+    if skin_thickness is not None:
+        skin = skin_thickness
+    elif outlines.skin_thickness is not None:
+        skin = float(np.clip(outlines.skin_thickness, *SKIN_THICKNESS))
+    if outlines.skin_thickness is None or skin_thickness is not None:
+        assumed.append(f"skin: {skin:.2g} mm thick")
     bones = {name: section.rings[name] for name in outlines.bones}
     if not bones:
         given = {"crest": crest, "fibular_head": fibular_head}
@@ -156,11 +165,15 @@ def carried(
         )
         found = with_layers(outer, atlas, section.skin, under.envelope_ring, {})
         smooth, determinant = smooth_map(found, atlas, section.at)
-    regions = Regions(atlas, section, bones, under, smooth, found)
-    assumed.append(
-        "muscles, vessels and fascia that the source lacks: of the atlas, which is one section of a"
-        " calf just above mid-calf, whatever the level"
-    )
+    if septum is None:
+        septum = thickness(atlas.limb)["septa"].median
+    regions = Regions(atlas, section, bones, under, smooth, found, septum)
+    layered = atlas.skin.name, atlas.fat.name, atlas.fascia.name
+    if any(each.origin == "atlas" for name, each in regions.origin.items() if name not in layered):
+        assumed.append(
+            "muscles, vessels and fascia that the source lacks: of the atlas, which is one section"
+            " of a calf just above mid-calf, whatever the level"
+        )
     return AtlasLimb(
         regions.limb(title),
         float(determinant.min()),

@@ -40,6 +40,9 @@ class Filling:
         of the muscles is known.
     crest, fibular_head : float, optional
         Anatomical angles of tibia and fibula, degrees, for the atlas and a scan of the skin alone.
+    septum : float, optional
+        Thickness, mm, of septa between muscles that touch in the source; by default the median of
+        the reference calf's.
     """
 
     tissues: Tissues = "atlas"
@@ -47,6 +50,7 @@ class Filling:
     fat_thickness: float | None = None
     crest: float | None = None
     fibular_head: float | None = None
+    septum: float | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,8 @@ class Limb(meshes.Limb):
             Which file or shell is what, where size and nesting do not tell.
         **filling
             ``tissues`` ("atlas" or "lumped"), ``skin_thickness``, ``fat_thickness``, mm, and
-            ``crest``, ``fibular_head``, degrees: see `calfsocket.imaging.limb.Filling`.
+            ``crest``, ``fibular_head``, degrees, ``septum``, mm: see
+            `calfsocket.imaging.limb.Filling`.
 
         Raises
         ------
@@ -184,7 +189,7 @@ class Limb(meshes.Limb):
         InputError
             One line: file, level, place, and what to do.
         """
-        source = read_labels(path, labels, voxel)
+        source = read_labels(path, labels, voxel, side)
         said = Said(side, proximal, anterior)
         return cls._of(imported(_cut(source, said, level, plane, tolerance), filling).limb)
 
@@ -245,6 +250,7 @@ def read_source(
     said: Mapping[str, str] | None = None,
     labels: Path | None = None,
     voxel: tuple[float, float, float] | None = None,
+    side: Side | None = None,
 ) -> Source:
     """Read surfaces, or a label map.
 
@@ -260,7 +266,7 @@ def read_source(
         raise InputError(f"{maps[0]}: is a label map; give it alone")
     for option in [f"--{role}" for role in said or {}] + ["--units"] * (units != "mm"):
         raise InputError(f"{option}: belongs to surfaces, and {maps[0]} is a label map")
-    return read_labels(maps[0], labels, voxel)
+    return read_labels(maps[0], labels, voxel, side)
 
 
 def imported(part: Section, filling: Filling | Mapping[str, Any] = Filling()) -> Imported:
@@ -277,9 +283,16 @@ def imported(part: Section, filling: Filling | Mapping[str, Any] = Filling()) ->
         if filling.tissues != "atlas":
             raise InputError(f"tissues: is '{filling.tissues}'; it must be atlas or lumped")
         if not part.outlines.frame.known:
+            if part.outlines.side:
+                raise InputError(
+                    "where the front is, is not known, and the atlas must lie so (no ridge of the"
+                    " skin is sharp enough to be the tibia's crest): add --anterior, or bones from"
+                    " which it follows"
+                )
             raise InputError(
-                "where the front is, and which side of the body it is, is not known, and the atlas"
-                " must lie so: add --anterior and --side, or bones from which they follow"
+                "which side of the body it is, is not known, and the atlas must lie so: add --side,"
+                " and --anterior where the skin does not show the tibia's crest, or bones from"
+                " which they follow"
             )
         made = carried(
             part.outlines,
@@ -288,6 +301,7 @@ def imported(part: Section, filling: Filling | Mapping[str, Any] = Filling()) ->
             fat_thickness=filling.fat_thickness,
             crest=filling.crest,
             fibular_head=filling.fibular_head,
+            septum=filling.septum,
         )
     regions = tuple(_with_origin(region, made) for region in made.limb.regions)
     limb = made.limb.model_copy(update={"regions": regions})
@@ -303,7 +317,7 @@ def _with_origin(region: meshes.Region, made: AtlasLimb) -> meshes.Region:
 
 
 def _lumped(part: Section, filling: Filling, title: str) -> meshes.Limb:
-    for name in ("fat_thickness", "crest", "fibular_head"):
+    for name in ("fat_thickness", "crest", "fibular_head", "septum"):
         if getattr(filling, name) is not None:
             raise InputError(f"{name}: belongs to the atlas, not to lumped tissues; leave it out")
     thick = SKIN_THICKNESS if filling.skin_thickness is None else filling.skin_thickness

@@ -45,6 +45,8 @@ class SectionOutlines:
         Marrow cavities by the name of their bone, where the source has them.
     muscle_envelope : Outline, optional
         Around all muscles and their fascia: fat lies between it and the skin.
+    skin_thickness : float, optional
+        Mean, mm, where the source has the skin as a layer.
     regions : mapping of str to (tissue, Outline)
         Further regions that the source has: bellies, vessels.
     frame : Frame
@@ -57,6 +59,7 @@ class SectionOutlines:
     bones: Mapping[str, Outline] = field(default_factory=dict)
     cavities: Mapping[str, Outline] = field(default_factory=dict)
     muscle_envelope: Outline | None = None
+    skin_thickness: float | None = None
     regions: Mapping[str, tuple[str, Outline]] = field(default_factory=dict)
     frame: Frame = field(default_factory=Frame)
     side: Literal["left", "right"] | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -26,14 +27,17 @@ from calfsocket.meshes.limb import Limb, Origin, Region
 BELLY_RADIUS, CAVITY_RADIUS = 1.0, 1.0
 #: Areas, mm^2, and widths, mm, below which a region is not meshed.
 SMALLEST_AREA, SMALLEST_WIDTH = 1.0, 0.5
-#: Septum between bellies that the source has, mm, where they touch.
-SEPTUM = 0.6
 #: What lies between vessels that the source has, mm, at least.
 BETWEEN_VESSELS = 0.3
 #: Least crural fascia and sheath of bones over a belly, mm: in the atlas 0.74 and 0.54.
 OVER_BELLY = 0.5
 #: Cortex that a marrow cavity from the atlas leaves, mm.
 LEAST_CORTEX = 1.2
+#: The source has all muscles if the room in which another would fit is less than this share of the
+#: envelope. Of one that it lacks as much as the second share must be free.
+COMPLETE, LEAST_BELLY = 0.05, 0.3
+#: Muscles of a source that have this share of the smaller one in common are a mistake.
+OVERLAP = 0.2
 #: What is lost of a belly between its neighbours is told from this share on.
 LOST = 0.05
 
@@ -55,6 +59,8 @@ class Regions:
     atlas, section, bones, layers, smooth, found
         The reference limb, the section with its bones and layers, the map between both, and the
         points from which it was made.
+    septum : float
+        Between bellies that the source has, mm, where they touch.
     curves : dict
         Points of the curves in the section's axes, by name.
     origin : dict of str to RegionOrigin
@@ -69,6 +75,7 @@ class Regions:
     layers: Layers
     smooth: SmoothMap
     found: Correspondence
+    septum: float
     curves: dict[str, tuple[Point, ...]] = field(default_factory=dict)
     origin: dict[str, RegionOrigin] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
@@ -79,7 +86,14 @@ class Regions:
         self._inner = polygon(Ring.of(self.layers.skin_inner))
         self._extra: dict[str, tuple[str, bool]] = {}
         self._given = self._given_bodies()
+        self._lost: dict[str, float] = {}
         self._fill()
+        if self._lost:
+            shares = ", ".join(f"{name} {share:.1%}" for name, share in self._lost.items())
+            self.warnings.append(
+                f"septa of {self.septum:.2g} mm and fascia were cut out of what the source has:"
+                f" {shares}"
+            )
 
     def _fill(self) -> None:
         outlines, atlas = self.section.outlines, self.atlas
@@ -103,6 +117,7 @@ class Regions:
             known = {**self.atlas.bellies, **self.atlas.inlays, **self.atlas.veins}
             if name not in known:
                 self._extra[name] = tissue, deep
+        self._check_overlaps(given)
         found = {}
         for name, body in given.items():
             free: BaseGeometry = body
@@ -115,9 +130,21 @@ class Regions:
             for other, next_to in given.items():
                 if other != name:
                     free = free.difference(_margin(body, self._tissue(name), next_to,
-                                                   self._tissue(other)))  # fmt: skip
+                                                   self._tissue(other), self.septum))  # fmt: skip
             found[name] = body if free.equals(body) else _without_holes(free)
         return found
+
+    def _check_overlaps(self, given: Mapping[str, shapely.Polygon]) -> None:
+        """Raise an InputError where muscles of the source lie in one another."""
+        muscles = [each for each in given.items() if self._tissue(each[0]) == "muscle"]
+        for (name, body), (other, another) in combinations(muscles, 2):
+            both = body.intersection(another)
+            if both.area > OVERLAP * min(body.area, another.area):
+                place = self.section.at(np.array(both.centroid.coords[0]))
+                raise InputError(
+                    f"{name} and {other} overlap by {both.area:.3g} mm2 at {place}; correct the"
+                    " outlines"
+                )
 
     def _tissue(self, name: str) -> str:
         return self.section.outlines.regions[name][0]
@@ -137,6 +164,7 @@ class Regions:
         if body is original or body.equals(original):
             self._measured(region, outline)
             return body
+        self._lost[region.name] = 1 - body.area / original.area
         body = rounded(body, BELLY_RADIUS if region.tissue == "muscle" else SMALLEST_WIDTH)
         if not self._fill_area(region, body, RegionOrigin("measured")):
             return None
@@ -296,10 +324,24 @@ class Regions:
         for name in [name for name in regions if name in self._given]:
             body = self._fill_given(regions.pop(name))
             if body is not None:
-                taken.append(body.buffer(SEPTUM))
+                taken.append(body.buffer(self.septum))
         room = self._envelope.buffer(-OVER_BELLY).difference(shapely.union_all(taken))
+        given = [name for name in self._given if self._tissue(name) == "muscle"]
+        if given and room.buffer(-BELLY_RADIUS).area < COMPLETE * self._envelope.area:
+            if regions:
+                self.warnings.append(
+                    "the muscles of the source fill the envelope: none of the atlas's is added"
+                )
+            return
         for name, region in regions.items():
-            whole = self._belly(self.atlas.compartments[name]).intersection(room)
+            carried = self._belly(self.atlas.compartments[name])
+            whole = carried.intersection(room)
+            if given and whole.area < LEAST_BELLY * carried.area:
+                self.warnings.append(
+                    f"{name} is left out: {whole.area / carried.area:.0%} of it would remain"
+                    " between the muscles of the source"
+                )
+                continue
             body = rounded(_without_holes(whole), BELLY_RADIUS)
             if self._fill_area(region, body, RegionOrigin("atlas")):
                 lost = 1 - body.area / whole.area
@@ -358,7 +400,7 @@ class Regions:
 
 
 def _margin(
-    body: shapely.Polygon, tissue: str, other: shapely.Polygon, its_tissue: str
+    body: shapely.Polygon, tissue: str, other: shapely.Polygon, its_tissue: str, septum: float
 ) -> BaseGeometry:
     """Return what a region of the source leaves free around another one that is too close.
 
@@ -366,7 +408,7 @@ def _margin(
     and not the reverse.
     """
     muscles = (tissue == "muscle", its_tissue == "muscle")
-    gap, wanted = body.distance(other), SEPTUM if any(muscles) else BETWEEN_VESSELS
+    gap, wanted = body.distance(other), septum if any(muscles) else BETWEEN_VESSELS
     if gap >= wanted or muscles == (False, True):
         return shapely.Polygon()
     return other.buffer(wanted if muscles == (True, False) else (wanted + gap) / 2)

@@ -1,20 +1,22 @@
 """A section of a source: its outlines as smooth curves in the anatomical frame."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from calfsocket.imaging.anatomy import Anatomy
+from calfsocket.imaging.layers import NOTCH
 from calfsocket.imaging.outlines import Outline, SectionOutlines
 from calfsocket.imaging.plane import Cut, Level, Plane, cut
+from calfsocket.imaging.shapes import curve_around, largest, rounded
 from calfsocket.imaging.source import Source
 from calfsocket.imaging.surface import Shell
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, xy
-from calfsocket.meshes.fairing import FEWEST, fair
+from calfsocket.meshes.fairing import FEWEST, fair_each
 from calfsocket.meshes.frame import Frame
 
 #: Largest distance, mm, of the curves from a surface, unless said otherwise.
@@ -38,6 +40,8 @@ _SECOND_PART = 0.05
 _CAVITY = 0.1
 #: A bone with a smaller area than this, mm^2, ends there: elements of it would be a handful.
 _TIP = 20.0
+#: Parts of muscles and vessels with a smaller area than this, mm^2, are left out.
+_CRUMB = 1.0
 #: Distance of the points, mm, by which outlines with few vertices are followed.
 _STEP = 0.5
 
@@ -118,12 +122,11 @@ def section(
     """
     where, height, height_mm = _place(source, anatomy, level, plane)
     voxel = source.resolution(np.stack([where.x, where.y]))
+    # Labels are noisy in places by a voxel: what half a voxel does not allow is reported.
+    most = voxel if tolerance is None else None
     if tolerance is None:
         tolerance = voxel / 2 or TOLERANCE
-    if not 0 < tolerance <= _MOST_TOLERANCE:
-        raise InputError(
-            f"tolerance: is {tolerance:g} mm; it must be more than 0, at most {_MOST_TOLERANCE:g}"
-        )
+    check_tolerance(tolerance)
     at = f"{source.names}, level {level}" if level else f"{source.names}, the plane"
     skin = _body(_cut(source.skin, where, at, "skin"), at, "skin")
     if skin is None:
@@ -148,14 +151,13 @@ def section(
         if holes and holes[0].area > _CAVITY * bodies[name].area:
             cavities[name] = holes[0]
     _check_bones(source, anatomy, at, bones)
-    regions = {}
+    regions: dict[str, tuple[str, shapely.Polygon]] = {}
     for name, (tissue, shell) in source.regions.items():
-        body = _body(_cut(shell, where, at, name), at, name)
-        if body is not None:
-            regions[name] = (tissue, shapely.Polygon(body.exterior))
+        for part, body in _parts(_cut(shell, where, at, name), name, remarks):
+            regions[part] = (tissue, body)
     muscle = None
     if source.muscle is not None:
-        muscle = _body(_cut(source.muscle, where, at, "muscle"), at, "muscle")
+        muscle = _envelope(source, _cut(source.muscle, where, at, "muscle"), at, remarks)
     whole = shapely.Polygon(skin.exterior)
     for name, body in bodies.items():
         if not whole.contains(body):
@@ -167,14 +169,24 @@ def section(
     centre = _centroid(whole)
     data: dict[str, Array] = {}
 
-    def outline(name: str, body: shapely.Polygon, most: float) -> Outline:
-        points = _counter_clockwise(body) - centre
+    def outline(name: str, body: shapely.Polygon, within: float) -> Outline:
+        points = counter_clockwise(body) - centre
         data[name] = points
         radii = SKIN_RADII if name in ("skin", "muscle") else RADII
-        found = smooth_outline(points, most, f"{at}, {name}", radii, _STEPS * voxel)
+        found = smooth_outline(points, within, f"{at}, {name}", radii, _STEPS * voxel, most)
         if found.deviation_mm > tolerance:
             remarks.append(f"{name}: leaves the data by {found.deviation_mm:.2f} mm")
         return found
+
+    def belly(name: str, body: shapely.Polygon) -> Outline:
+        """Of a muscle or vessel; spurs are cut off where no smooth curve follows them."""
+        try:
+            return outline(name, body, tolerance)
+        except InputError:
+            radius = min(RADII[-1], 0.3 * np.sqrt(body.area / np.pi))
+            blunt = rounded(shapely.Polygon(data[name]), radius)
+            away = float(shapely.hausdorff_distance(blunt, shapely.Polygon(data[name])))
+            return Outline(curve_around(blunt), deviation_mm=away)
 
     front = "anterior" if anatomy.anterior is not None else None
     lateral = {"right": "lateral", "left": "medial", None: None}[anatomy.side]
@@ -186,10 +198,8 @@ def section(
             for name, body in cavities.items()
         },
         muscle_envelope=outline("muscle", muscle, tolerance) if muscle else None,
-        regions={
-            name: (tissue, outline(name, body, _MOST_TOLERANCE))
-            for name, (tissue, body) in regions.items()
-        },
+        skin_thickness=_skin_thickness(source, whole, where, at),
+        regions={name: (tissue, belly(name, body)) for name, (tissue, body) in regions.items()},
         frame=Frame(lateral, front) if front and lateral else Frame(),  # type: ignore[arg-type]
         side=anatomy.side,
     )
@@ -210,6 +220,14 @@ def section(
 
 #: mm. A curve further away from the data than this shows another limb.
 _MOST_TOLERANCE = 5.0
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise an InputError unless curves can be kept within a tolerance, mm."""
+    if not 0 < tolerance <= _MOST_TOLERANCE:
+        raise InputError(
+            f"tolerance: is {tolerance:g} mm; it must be more than 0, at most {_MOST_TOLERANCE:g}"
+        )
 
 
 def _place(
@@ -274,6 +292,43 @@ def _body(found: Cut, at: str, name: str) -> shapely.Polygon | None:
     return first
 
 
+def _parts(found: Cut, name: str, remarks: list[str]) -> Iterator[tuple[str, shapely.Polygon]]:
+    """Yield the parts of a muscle or vessel with names of their own, the largest first."""
+    crumbs = [body for body in found.bodies if body.area < _CRUMB]
+    if crumbs:
+        area = sum(body.area for body in crumbs)
+        remarks.append(f"{name}: {len(crumbs)} parts of together {area:.2g} mm2 left out")
+    kept = [body for body in found.bodies if body.area >= _CRUMB]
+    for number, body in enumerate(kept, start=1):
+        yield name if number == 1 else f"{name}_{number}", shapely.Polygon(body.exterior)
+
+
+def _envelope(source: Source, found: Cut, at: str, remarks: list[str]) -> shapely.Polygon | None:
+    """Return what lies around all muscles.
+
+    Of a label map it is around all deep labels; gaps between them are of the fascia.
+    """
+    if source.voxel is None or not found.bodies:
+        return _body(found, at, "muscle")
+    filled = [shapely.Polygon(body.exterior) for body in found.bodies]
+    closed = largest(shapely.union_all(filled).buffer(NOTCH).buffer(-NOTCH))
+    added = closed.area - sum(body.area for body in filled)
+    if added > _CRUMB:
+        remarks.append(f"muscle: gaps of {added:.0f} mm2 between muscles closed")
+    return shapely.Polygon(closed.exterior)
+
+
+def _skin_thickness(source: Source, whole: shapely.Polygon, where: Plane, at: str) -> float | None:
+    """Return the mean thickness of a skin that is a layer of the source, mm."""
+    if source.skin_inner is None:
+        return None
+    found = _cut(source.skin_inner, where, at, "skin's inner face")
+    if not found.bodies:
+        return None
+    inner = shapely.union_all([shapely.Polygon(body.exterior) for body in found.bodies])
+    return float(whole.difference(inner).area / shapely.convex_hull(whole).length)
+
+
 def _check_bones(source: Source, anatomy: Anatomy, at: str, bones: Sequence[str]) -> None:
     """Raise an InputError where the source has a tibia but the level misses it."""
     tibia = source.bones.get("tibia")
@@ -293,7 +348,8 @@ def _centroid(body: shapely.Polygon) -> Array:
     return np.array(body.centroid.coords[0])
 
 
-def _counter_clockwise(body: shapely.Polygon) -> Array:
+def counter_clockwise(body: shapely.Polygon) -> Array:
+    """Return the corners of a body's outer boundary, each once."""
     points: Array = shapely.get_coordinates(body.exterior)[:-1]
     if not body.exterior.is_ccw:
         points = points[::-1]
@@ -302,7 +358,12 @@ def _counter_clockwise(body: shapely.Polygon) -> Array:
 
 
 def smooth_outline(
-    points: Array, tolerance: float, at: str, radii: Sequence[float] = RADII, noise: float = 0.0
+    points: Array,
+    tolerance: float,
+    at: str,
+    radii: Sequence[float] = RADII,
+    noise: float = 0.0,
+    most: float | None = None,
 ) -> Outline:
     """Return the smooth curve within a tolerance, mm, of a closed polygon.
 
@@ -314,18 +375,21 @@ def smooth_outline(
         Smallest radii of curvature, mm, in the order in which they are tried.
     noise
         Root mean square of its steps, mm, where they come from voxels.
+    most
+        What is allowed, mm, where no smooth curve stays within the tolerance.
     """
     ring = shapely.LinearRing(points)
     if len(points) < FEWEST:  # of a coarse surface: its sides are what is known
-        points = shapely.get_coordinates(ring.segmentize(max(_STEP, ring.length / 400)))[:-1]
-    if len(points) < FEWEST:
-        raise InputError(f"{at}: is only {ring.length:.1f} mm around; choose another level")
-    trials = (fair(points, tolerance, noise, radius, _KNOTS) for radius in radii)
+        step = min(max(_STEP, ring.length / 400), ring.length / (2 * FEWEST))
+        points = shapely.get_coordinates(ring.segmentize(step))[:-1]
+    trials = fair_each(points, tolerance, noise, radii, _KNOTS)
     smooth, deviation, place = next(trials)
     for closer in trials:
         if deviation <= min(tolerance, _SHAPE * closer[1]):
             break
         smooth, deviation, place = closer
+    if deviation > tolerance and most and most > tolerance:
+        return smooth_outline(points, most, at, radii, noise)
     if deviation > tolerance:
         enough = np.ceil(20 * deviation) / 20
         raise InputError(

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyvista
 
-from calfsocket.imaging.surface import Shell, check_size, read_shells
+from calfsocket.imaging.aop import landmarks_of, side_of
+from calfsocket.imaging.surface import UNITS, Shell, check_size, read_shells
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array
 
@@ -47,6 +48,8 @@ class Source:
         Marrow cavities by the name of their bone.
     muscle : Shell, optional
         Around all muscles and their fascia.
+    skin_inner : Shell, optional
+        Around all that is not skin.
     regions : mapping of str to (tissue, Shell)
         What else a label map has: bellies, vessels.
     superior : Array, optional
@@ -55,6 +58,8 @@ class Source:
         Where the front is, by the file's own axes.
     side : str, optional
         As the file states it.
+    landmarks : mapping of str to Array
+        Named points of the file, mm.
     voxel : Array, optional
         Edges of a voxel of a label map as columns, mm.
     remarks : sequence of str
@@ -67,10 +72,12 @@ class Source:
     bones: Mapping[str, Shell] = field(default_factory=dict)
     cavities: Mapping[str, Shell] = field(default_factory=dict)
     muscle: Shell | None = None
+    skin_inner: Shell | None = None
     regions: Mapping[str, tuple[str, Shell]] = field(default_factory=dict)
     superior: Array | None = None
     anterior: Array | None = None
     side: str | None = None
+    landmarks: Mapping[str, Array] = field(default_factory=dict)
     voxel: Array | None = None
     remarks: Sequence[str] = ()
 
@@ -138,6 +145,12 @@ def read_surface(
         cavities={name: cavities[id(bone)] for name, bone in bones.items() if id(bone) in cavities},
         muscle=muscle,
         side=_stated_side(files),
+        landmarks={
+            name: UNITS[units] * place
+            for path in files
+            if path.suffix.lower() == ".aop"
+            for name, place in landmarks_of(path).items()
+        },
         remarks=tuple(remarks),
     )
 
@@ -160,8 +173,6 @@ def sha256(path: Path) -> str:
 
 
 def _stated_side(files: Sequence[Path]) -> str | None:
-    from calfsocket.imaging.aop import side_of
-
     sides = {side_of(path) for path in files if path.suffix.lower() == ".aop"}
     return sides.pop() if len(sides) == 1 else None
 

@@ -182,8 +182,8 @@ def _separated(path: Path, surface: pyvista.PolyData) -> list[Shell]:
     return [Shell(f"shell {i}", each, path) for i, each in enumerate(shells, start=1)]
 
 
-def check_size(what: str, surface: pyvista.PolyData, units: str) -> None:
-    """Raise an InputError unless a skin has the size of a limb."""
+def check_size(what: str, surface: pyvista.PolyData, units: str, kind: str = "limb") -> None:
+    """Raise an InputError unless a surface has the size of a limb, or of the `kind` that it is."""
     sides = np.sort(np.ptp(surface.points, axis=0))
     low, high = WIDTH
     if low <= sides[1] <= high:
@@ -196,9 +196,9 @@ def check_size(what: str, surface: pyvista.PolyData, units: str) -> None:
     advice = (
         f"its lengths may be in {' or '.join(fits)}: add --units {fits[0]}"
         if fits
-        else "give the skin of one limb, in mm, or say its unit by --units"
+        else f"give one {kind}, in mm, or say its unit by --units"
     )
     box = " x ".join(f"{side:.3g}" for side in sides)
     raise InputError(
-        f"{what}: is {box} mm, which is no limb ({low:g} to {high:g} mm wide); {advice}"
+        f"{what}: is {box} mm, which is no {kind} ({low:g} to {high:g} mm wide); {advice}"
     )

@@ -1,6 +1,7 @@
 """How thick the layers of a limb are, measured between its curves."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -64,12 +65,24 @@ def _of(values: Array) -> Thickness:
     return Thickness(float(values.min()), float(np.median(values)))
 
 
+def _points(ring: Ring) -> Array:
+    return ring.at(ring.even(max(int(ring.length / _STEP), 16)))
+
+
 def _distance(ring: Ring, other: Ring) -> Array:
-    points = shapely.points(ring.at(ring.even(max(int(ring.length / _STEP), 16))))
+    points = shapely.points(_points(ring))
     return np.asarray(shapely.distance(points, shapely.LinearRing(other.points)))
 
 
 def _nearest(ring: Ring, others: list[Ring]) -> Array:
-    if not others:
-        return np.full(max(int(ring.length / _STEP), 16), np.inf)
-    return np.asarray(np.min([_distance(ring, other) for other in others], axis=0))
+    """Return the distances of a ring's points from the nearest other one, up to `_WIDEST`."""
+    points = _points(ring)
+    found = np.full(len(points), np.inf)
+    ends = [np.stack([each.points, np.roll(each.points, -1, axis=0)], axis=1) for each in others]
+    if ends:
+        sides: Any = shapely.linestrings(np.concatenate(ends))
+        (place, _), distance = shapely.STRtree(sides).query_nearest(
+            shapely.points(points), max_distance=_WIDEST, return_distance=True, all_matches=False
+        )
+        found[place] = distance
+    return found

@@ -191,7 +191,8 @@ _TYPES: Mapping[str, str] = {
     "ushort": "u2", "unsigned short": "u2", "uint16": "u2", "uint16_t": "u2", "met_ushort": "u2",
     "int": "i4", "signed int": "i4", "int32": "i4", "int32_t": "i4", "met_int": "i4",
     "uint": "u4", "unsigned int": "u4", "uint32": "u4", "uint32_t": "u4", "met_uint": "u4",
-    "float": "f4", "met_float": "f4", "double": "f8", "met_double": "f8",
+    "float": "f4", "float32": "f4", "met_float": "f4",
+    "double": "f8", "float64": "f8", "met_double": "f8",
 }  # fmt: skip
 
 

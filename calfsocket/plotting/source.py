@@ -35,7 +35,7 @@ def draw_source(limb: Limb, data: Mapping[str, NDArray[np.float64]], path: Path)
         axes = figure.add_axes((0.02, 0.06, 0.96, 0.9))
         low, high = _extent(data)
         window = (low[0], high[0], low[1], high[1])
-        _fill(axes, limb)
+        fill(axes, limb)
         for points in data.values():
             closed = np.concatenate([points, points[:1]])
             axes.plot(*closed.T, ".-", color=_SOURCE, linewidth=0.4, markersize=1.8)
@@ -64,16 +64,18 @@ def _extent(data: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64
     return middle - half, middle + half
 
 
-def _fill(axes: Axes, limb: Limb) -> None:
+def fill(axes: Axes, limb: Limb) -> None:
+    """Draw the regions of a limb by the colours of their tissues."""
     loops = {
         name: curve.evaluate(curve.sample(_STEP_MM)) for name, curve in limb_curves(limb).items()
     }
     for region in limb.regions:
         body = shapely.Polygon(loops[region.outer], [loops[hole] for hole in region.holes])
-        shapely.plotting.plot_polygon(
-            body, ax=axes, add_points=False, facecolor=drawing.TISSUE_COLOURS[region.tissue],
+        patch = shapely.plotting.patch_from_polygon(
+            body, facecolor=drawing.TISSUE_COLOURS[region.tissue],
             edgecolor=drawing.OUTLINE, linewidth=0.5,
         )  # fmt: skip
+        axes.add_artist(patch)  # the window is known: `add_patch` would look for it, for seconds
 
 
 def _directions(axes: Axes, limb: Limb, window: drawing.Window) -> None:

@@ -75,18 +75,25 @@ COLUMNS = tuple(each.name for each in fields(ContactLine))
 """Names of the arrays, status the last."""
 
 
-def running_mean(contact: ContactLine, window_mm: float = RUNNING_MEAN_MM) -> NDArray[np.float64]:
+def running_mean(
+    contact: ContactLine,
+    window_mm: float = RUNNING_MEAN_MM,
+    values: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
     """Return the contact pressure averaged over a window along the closed skin outline, kPa, (n,).
+
+    Or other `values` at the points.
 
     Each point stands for its own piece of the outline; the window is centred on the piece and
     takes parts of pieces at its ends.
     """
+    of_points = contact.pressure_kPa if values is None else values
     width = contact.weight_mm
     ends = np.concatenate([[0.0], np.cumsum(width)])
     total = ends[-1]
     if window_mm > total:
         raise ValueError(f"the window of {window_mm} mm is longer than the outline, {total:.4g} mm")
-    integral = np.concatenate([[0.0], np.cumsum(width * contact.pressure_kPa)])
+    integral = np.concatenate([[0.0], np.cumsum(width * of_points)])
     # once around before and after, so that windows across the start see both sides
     ends = np.concatenate([ends[:-1] - total, ends[:-1], ends + total])
     integral = np.concatenate(

@@ -11,6 +11,7 @@ from shapely import Polygon, area, difference
 from calfsocket.materials.law import Law
 from calfsocket.materials.tissues import TISSUES
 from calfsocket.meshes.frame import Frame
+from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
 from calfsocket.plotting import section
 from calfsocket.postprocess.fields import SectionFields
@@ -59,9 +60,25 @@ class Findings:
         return next(iter(self.results.values())).fields
 
     @property
+    def _every_section(self) -> list[SectionFields]:
+        """Fields of a case for each section: levels of a limb may differ in their tissues."""
+        if self.levels is None:
+            return [self.fields]
+        found = {record.level: key for key, record in self.results.records.items()}
+        return [self.results[key].fields for key in found.values()]
+
+    @property
+    def levels(self) -> LimbLevels | None:
+        """The limb, where it has many levels."""
+        return self.study.run.levels if self.study.run else None
+
+    @property
     def limb(self) -> Limb | None:
-        """The limb; None where single results were saved without a study."""
-        return self.study.run.limb if self.study.run else None
+        """The section of the first case; None where single results were saved without a study."""
+        if self.levels is None:
+            return self.study.run.limb if self.study.run else None
+        place = next(iter(self.results.records.values())).level
+        return next(each.limb for each in self.levels.levels if place and each.name == place.name)
 
     @property
     def frame(self) -> Frame:
@@ -71,7 +88,11 @@ class Findings:
     @cached_property
     def tissues(self) -> tuple[str, ...]:
         """Tissues of the section."""
-        return tuple(name for name in TISSUES if len(self.fields.cells_of(name)))
+        return tuple(
+            name
+            for name in TISSUES
+            if any(len(fields.cells_of(name)) for fields in self._every_section)
+        )
 
     @property
     def soft_tissues(self) -> tuple[str, ...]:
@@ -80,11 +101,15 @@ class Findings:
 
     @property
     def fixed_region(self) -> str:
-        """Region within which the limb is fixed; empty where that is not known."""
-        if self.limb is None:
-            return ""
-        holes = ((hole, each.name) for each in self.limb.regions for hole in each.holes)
-        return next(name for hole, name in holes if hole == self.limb.fixed_boundary)
+        """Region within which the limb is fixed; empty where that is not known or one."""
+        limbs = self.levels.limbs if self.levels else filter(None, [self.limb])
+        found = {
+            each.name
+            for limb in limbs
+            for each in limb.regions
+            if limb.fixed_boundary in each.holes
+        }
+        return found.pop() if len(found) == 1 else ""
 
     # --- its sockets
 
@@ -128,7 +153,8 @@ class Findings:
     @cached_property
     def laws(self) -> dict[str, dict[str, Law]]:
         """Laws of what the section has, by tissue or region, in each material set."""
-        present = {*self.tissues, *self.fields.region_names.values(), "socket"}
+        regions = {name for each in self._every_section for name in each.region_names.values()}
+        present = {*self.tissues, *regions, "socket"}
         known = inputs.laws(self.results)
         return {
             name: {key: law for key, law in known[name].items() if key in present}

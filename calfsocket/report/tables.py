@@ -11,7 +11,7 @@ import pandas as pd
 from calfsocket.materials.law import Law
 from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.postprocess.thresholds import SHARE
-from calfsocket.report import method, names, variants
+from calfsocket.report import along, method, names, variants
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, in_words, spread
 from calfsocket.report.words import TOGETHER, number
@@ -27,6 +27,7 @@ def tables(findings: Findings) -> dict[str, Table]:
     made = (
         laws(findings.laws),
         sweep(findings.study),
+        *along.tables(findings),
         maxima(results),
         thresholds(results),
         damage(findings.damage),

@@ -37,7 +37,8 @@ def variants(study: Results) -> dict[str, Results]:
 
 def name(record: CaseRecord) -> str:
     """Return the name of a case's variant: the label in its names, or its changes."""
-    labels = dict.fromkeys(each.partition("@")[2] for each in record.key)
+    pairs = zip(record.key, record.base, strict=True)
+    labels = dict.fromkeys(each.removeprefix(base).removeprefix("@") for each, base in pairs)
     return "@".join(filter(None, labels)) or changes_of(record)
 
 

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
-from calfsocket.report import inputs, method
+from calfsocket.postprocess.pressure_map import PLANE_STRAIN
+from calfsocket.report import along, inputs, method
 from calfsocket.report.answer import MOST_LISTED, MOST_NAMED, Answer
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.figures import figures, maps
@@ -20,7 +21,7 @@ from calfsocket.report.table import Table
 from calfsocket.report.tables import tables
 from calfsocket.report.templates import PACKAGE
 from calfsocket.report.variants import ROBUST
-from calfsocket.simulation.results import Results
+from calfsocket.simulation.results import MAPS, Results
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,12 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "findings": findings,
         "results": results,
         "limb": findings.limb,
+        "levels": findings.levels,
+        "maps": along.maps(findings),
+        "map_files": results.folder.joinpath(MAPS).is_dir(),
+        "one_design": len({record.along[0] for record in results.records.values()}) == 1,
+        "several": _several(findings),
+        "plane_strain": PLANE_STRAIN,
         "answer": Answer(findings),
         "one_case": len(results) == 1,
         "one_socket": len(results.sockets) == 1,
@@ -104,6 +111,14 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "most_listed": MOST_LISTED,
         "literature": DamageThresholds(),
     }
+
+
+def _several(findings: Findings) -> str:
+    """Say what there are several of where a table or a sentence has one for each socket."""
+    if findings.levels is None:
+        return "sockets"
+    designs = {record.along[0] for record in findings.results.records.values()}
+    return "levels" if len(designs) == 1 else "sockets at their levels"
 
 
 def _axes(findings: Findings) -> str:

@@ -179,8 +179,21 @@ class CaseRecord(Strict):
     @property
     def columns(self) -> dict[str, Any]:
         """Columns of its rows in tables that cases share: its key, and its level if it has one."""
-        level = {} if self.level is None else dict(zip(LEVEL, self.level.columns, strict=True))
-        return dict(zip(KEY, self.key, strict=True)) | level
+        level = self.level
+        columns = {} if level is None else {"level": level.height, "height_mm": level.height_mm}
+        return dict(zip(KEY, self.key, strict=True)) | columns
+
+    @property
+    def base(self) -> tuple[str, str]:
+        """Its key where nothing is changed: `of`, at its level."""
+        socket, materials = self.of
+        return (f"{socket}@{self.level.label}" if self.level else socket), materials
+
+    @property
+    def along(self) -> tuple[str, str]:
+        """What it shares with the cases of the other levels: its key without the level."""
+        label = f"@{self.level.label}" if self.level else ""
+        return self.socket.replace(label, "", 1), self.material_set
 
     @property
     def frame(self) -> Frame:

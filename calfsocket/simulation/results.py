@@ -8,14 +8,21 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import read_json
+from calfsocket.io.files import replacing
+from calfsocket.io.schema import nearest, read_json
+from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.mechanics.loading import DONNED
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
+from calfsocket.postprocess.pressure_map import PressureMap
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
+from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
 
 SUMMARY_FILE = "summary.csv"
+WORST_FILE = "worst_levels.csv"
+MAPS = "pressure_maps"
+"""Folder of the maps of a limb of many levels."""
 Key = tuple[str, str]
 """Socket and material set."""
 
@@ -93,8 +100,8 @@ class Results(Mapping[Key, Result]):
     def states(self) -> pd.DataFrame:
         """Rows of summary.csv in every state, with a column `state`; empty without stages."""
         parts = [
-            of_case(result.of_states(Result.summary), result.record)
-            for result in self.values()
+            of_case(result.of_states(Result.summary), result.record, key)
+            for key, result in self.items()
             if result.states
         ]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
@@ -118,6 +125,68 @@ class Results(Mapping[Key, Result]):
         rows = self.summary[[*KEY, "tissue", "quantity", "value"]]
         return {tuple(row[:4]): float(row[4]) for row in rows.itertuples(index=False, name=None)}
 
+    # -- along a limb of many levels ------------------------------------------------------------
+
+    @property
+    def along(self) -> Cases:
+        """Records of all cases with a level by socket and material set, and by their level."""
+        return along(self._records.values())
+
+    def pressure_map(self, socket: str, material_set: str) -> PressureMap:
+        """Return contact pressure and friction of a limb of many levels over angle and height.
+
+        Parameters
+        ----------
+        socket, material_set : str
+            Names of the cases without their level, as in the study file.
+
+        Raises
+        ------
+        InputError
+            When the study has no levels or no such cases, or none of them reached its full load.
+        """
+        limb, name = self.run.levels if self.run else None, f"{socket}_{material_set}"
+        if limb is None:
+            raise InputError(
+                f"{self.folder}: the limb of this study has one level; a pressure map needs one of"
+                " many (`python3 -m calfsocket limb --levels`)"
+            )
+        cases = self.along.get((socket, material_set))
+        if cases is None:
+            known = map("_".join, self.along)
+            raise InputError(f"{self.folder}: no cases {name}; {nearest(name, [*known])}")
+        if not any(record.solved for record in cases.values()):
+            raise InputError(f"{self.folder}: no level of {name} reached its full load")
+        return map_of(limb, cases, lambda record: self._read(record).line)
+
+    @cached_property
+    def worst_levels(self) -> pd.DataFrame:
+        """The level at which each quantity of each tissue is largest in magnitude, a row each."""
+        return worst_levels(self.summary, self._records.values())
+
+    def write_maps(self, pictures: bool = True) -> list[Path]:
+        """Write maps as CSV, VTP and PNG, and the table of the worst levels; return their paths.
+
+        What an earlier run has left is removed. A study without levels has none.
+        """
+        folder, worst = self.folder / MAPS, self.folder / WORST_FILE
+        for old in (worst, *folder.glob("*.*")):
+            old.unlink(missing_ok=True)
+        solved = {record.along: None for record in self.records.values() if record.level}
+        paths: list[Path] = []
+        for key in solved:
+            found = self.pressure_map(*key)
+            paths += found.write(folder)
+            if pictures:
+                from calfsocket.plotting import pressure_map as picture  # takes half a second
+
+                paths.append(picture.save(found, folder))
+        if solved:
+            with replacing(worst) as temporary:
+                self.worst_levels.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
+            paths.append(worst)
+        return paths
+
     def only(self, keys: Iterable[Key]) -> "Results":
         """Return the results of some cases."""
         keys = set(keys)
@@ -135,10 +204,10 @@ class Results(Mapping[Key, Result]):
         Returns
         -------
         Results
-            By the names that the cases have in the base (`CaseRecord.of`).
+            By the names that the cases have in the base (`CaseRecord.base`).
         """
         records = {
-            record.of: record
+            record.base: record
             for record in self._records.values()
             if record.changes == dict(changes)
         }
@@ -166,15 +235,18 @@ class Results(Mapping[Key, Result]):
                         f"{path}: has no rows of {record.name}, which is solved according to "
                         f"{RUN_FILE}"
                     )
-            # A selection of a sweep has the names of the base.
-            parts.append(of_case(rows, record).assign(**dict(zip(KEY, key, strict=True))))
+            parts.append(of_case(rows, record, key))
         return pd.concat(parts, ignore_index=True)
 
 
-def of_case(rows: pd.DataFrame, record: CaseRecord) -> pd.DataFrame:
-    """Return a case's rows with the columns that name it in a table of several cases."""
+def of_case(rows: pd.DataFrame, record: CaseRecord, key: Key | None = None) -> pd.DataFrame:
+    """Return a case's rows with the columns that name it in a table of several cases.
+
+    `key` is its name where that is not its own.
+    """
     rows = rows.copy()
-    for place, (column, value) in enumerate(record.columns.items()):
+    columns = record.columns | dict(zip(KEY, key or record.key, strict=True))
+    for place, (column, value) in enumerate(columns.items()):
         rows.insert(place, column, value)
     return rows
 

@@ -353,7 +353,9 @@ class Planner:
             sockets: Any = content.get("sockets")
             for name, table in sockets.items() if isinstance(sockets, dict) else ():
                 with error_context(self._path, f"{origin}sockets.{name}"):
-                    sockets[name] = resolved(table, self._reference, self._files.outline)
+                    sockets[name] = resolved(
+                        table, self._reference, self._files.outline, self._files.sections
+                    )
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
 
@@ -380,7 +382,7 @@ class Planner:
                 " like = 'HS'"
             )
         for section, (limb, level) in enumerate(self._sections):
-            at = f"level={level.name}" if level else ""
+            at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
             support = document.model.socket_support
             if document.loading:

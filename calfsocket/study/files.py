@@ -11,6 +11,7 @@ from calfsocket.io.schema import check_readable, read_toml
 from calfsocket.materials.file import law_in
 from calfsocket.materials.laws import Law
 from calfsocket.meshes.drawn import OutlineFile
+from calfsocket.meshes.socket import sections_in
 
 if TYPE_CHECKING:
     from calfsocket.meshes.outline import ReadOutline
@@ -47,6 +48,11 @@ class Files:
         content = self._read(name, lambda path: asdict(read_outline(path, file)), how)
         points = tuple((float(x), float(y)) for x, y in content["points"])
         return ReadOutline(points, float(content["deviation"]))
+
+    def sections(self, name: str) -> dict[str, Any]:
+        """Outlines of a socket that was cut from its scan."""
+        content: dict[str, Any] = self._read(name, sections_in)
+        return content
 
     def law(self, name: str) -> Law:
         """Law of a material file."""

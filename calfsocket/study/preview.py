@@ -98,7 +98,7 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     on = case.placement
     at = f" at level {case.level.name}" if case.level else ""
     axes.set_title(
-        f"{case.of[0]}{at}: wall {socket.wall_thickness:g} mm, "
+        f"{case.of[0]}{at}: wall {socket.thickness(limb):g} mm, "
         f"{100 * on.area_reduction:.2f} % less area\n"
         f"presses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, "
         f"on {100 * on.touching:.0f} % of the skin",

@@ -227,6 +227,7 @@ class Study:
             log.info("results go to %s", folder)
             runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
             runner.run(resume)
+            on_first_rank(comm, lambda: load_results(folder).write_maps(pictures))
             # Before another run may begin to replace them.
             return load_results(folder)
 

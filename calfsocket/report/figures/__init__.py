@@ -5,6 +5,7 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from calfsocket.plotting import loading
+from calfsocket.report import along
 from calfsocket.report.figures import geometry, maps, pressure
 from calfsocket.report.findings import Findings
 
@@ -18,6 +19,7 @@ def figures(findings: Findings) -> dict[str, Callable[[], Figure]]:
     }
     return {
         **loads,
+        **along.figures(findings),
         "regions": lambda: geometry.regions(findings),
         "overlays": lambda: geometry.overlays(findings),
         "effective_stress": lambda: maps.draw_map(findings, maps.EFFECTIVE_STRESS),

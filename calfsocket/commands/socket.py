@@ -1,0 +1,148 @@
+"""The command ``socket``: a socket's outlines in the sections of a limb, from its own scan."""
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from calfsocket.commands import command, first_rank, group, option
+from calfsocket.io.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from calfsocket.imaging.registration import Registration
+    from calfsocket.imaging.socket_scan import SocketScan
+    from calfsocket.meshes.limb import Limb
+    from calfsocket.meshes.socket import Sections
+
+#: mm.
+_THICKEST = 100
+
+
+@command(
+    option("source", type=Path, metavar="SOURCE", help="scan of the socket"),
+    option(
+        "--limb",
+        type=Path,
+        required=True,
+        metavar="FILE.json",
+        help="the limb that it is for, of one level or of many, as the command limb makes it",
+    ),
+    option(
+        "--out",
+        type=Path,
+        default=Path("socket.json"),
+        metavar="FILE.json",
+        help="default: %(default)s; the picture has its name with .png",
+    ),
+    option(
+        "--tolerance",
+        type=float,
+        metavar="MM",
+        help="largest distance of the curves from the scan (default: 0.2 mm)",
+    ),
+    option(
+        "--wall-thickness",
+        type=float,
+        metavar="MM",
+        help="of the wall (default: that of a scan with both faces; else 4.5 mm)",
+    ),
+    option(
+        "--units",
+        default="mm",
+        choices=("mm", "cm", "m", "inch"),
+        help="of the scan (default: %(default)s)",
+    ),
+    group(
+        "where it lies",
+        option(
+            "--register",
+            default="icp",
+            choices=("icp", "none"),
+            help="lay the inner face on the skin, or leave it where it is (default: %(default)s)",
+        ),
+        option(
+            "--rotate",
+            type=float,
+            default=0.0,
+            metavar="DEG",
+            help="with none: turn about the limb's axis, counter-clockwise seen from above",
+        ),
+        option("--shift", metavar="X,Y,Z", help="with none: mm, in the limb's axes, after that"),
+    ),
+    description="""\
+Cut a socket from its own scan at the sections of a limb. Write its outlines as JSON, for
+`sections = ...` of a socket in a study file, with a picture of them over the limb's sections.
+
+SOURCE is STL, PLY, OBJ, VTP or AOP, in mm: the inner face, open at the brim, or a shell with inner
+and outer face. It is laid on the skin of all sections so that the gap between them is as even as
+possible: a socket is smaller than its limb, by how much is found. A scan in the limb's own axes
+stays there.
+""",
+    epilog="""\
+examples:
+  python3 -m calfsocket socket scan.stl --limb my-limb.json --out my-socket.json
+  python3 -m calfsocket socket design.aop --limb my-limb.json --register none
+""",
+)
+@first_rank
+def socket(arguments: Namespace) -> None:
+    """Cut a socket from its own scan at the sections of a limb."""
+    from calfsocket.imaging.section import TOLERANCE
+    from calfsocket.imaging.socket_scan import cut_for, laid, read_socket_scan
+    from calfsocket.meshes.levels import read_limb, sections
+    from calfsocket.plotting.socket_scan import draw_sections
+
+    out = arguments.out
+    if out.suffix != ".json":
+        raise InputError(f"--out {out}: is not JSON; use a name that ends in .json")
+    shift = _shift(arguments.shift) if arguments.shift else (0.0, 0.0, 0.0)
+    tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
+    wall = arguments.wall_thickness
+    if wall is not None and not 0 < wall <= _THICKEST:
+        raise InputError(
+            f"--wall-thickness: is {wall:g} mm; it must be more than 0, at most {_THICKEST:g}"
+        )
+    given = {} if wall is None else {"wall_thickness": wall}
+    limbs = sections(read_limb(arguments.limb))
+    scan = read_socket_scan(arguments.source, arguments.units)
+    place = laid(scan, limbs, arguments.register, shift, arguments.rotate)
+    made = cut_for(scan, limbs, place, arguments.register, tolerance, name=out.stem, **given)
+    made.write(out)
+    draw_sections(made, limbs, out.with_suffix(".png"))
+    print(summary(scan, made, limbs, place))
+    print(f"written to {out} and {out.with_suffix('.png')}")
+
+
+def _shift(text: str) -> tuple[float, ...]:
+    """Read three numbers."""
+    try:
+        numbers = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3 or not all(abs(number) < 1e5 for number in numbers):
+        raise InputError(f"--shift: is '{text}'; give three numbers in mm, such as 0,0,12.5")
+    return numbers
+
+
+def summary(
+    scan: "SocketScan", made: "Sections", limbs: "Sequence[Limb]", place: "Registration"
+) -> str:
+    """Return a table of a socket's outlines, and how its scan lies on the limb."""
+    faces = "inner and outer face" if scan.walled else "inner face"
+    lines = [
+        f"{scan.path.name}: {faces}",
+        f"  {'level':12} {'mm2':>8}  {'less area':>9}  {'wall':>7}  deviation",
+    ]
+    for limb in limbs:
+        for each in (each for each in made.sections if each.is_of(limb)):
+            area = made.inner_face(limb).area
+            less = 100 * (1 - area / limb.skin.area)
+            lines.append(
+                f"  {each.level or 'a plane':12} {area:8.1f}  {less:7.2f} %"
+                f"  {made.thickness(limb):4.1f} mm  {each.deviation_mm:6.2f} mm"
+            )
+    lines += [f"  {line}" for line in place.words]
+    assert made.source is not None
+    lines += [f"  {note}" for note in made.source.notes]
+    return "\n".join(lines)
