@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
 
@@ -41,6 +42,8 @@ Distance = Callable[[Array], Array]
 INTERPOLATION_TOLERANCE = 5e-4
 #: Times an interval between knots may be halved; the limb's curves and sockets need 5.
 MAX_HALVINGS = 12
+#: Distance of the points from which the search for the nearest point starts, mm, and its steps.
+FOOT_STEP, FOOT_ITERATIONS = 0.1, 6
 #: Number of points by which it is decided whether a curve crosses itself.
 CROSSING_POINTS = 2000
 
@@ -76,6 +79,21 @@ class ClosedCurve:
         velocity, acceleration = self.evaluate(t, 1), self.evaluate(t, 2)
         cross = velocity[..., 0] * acceleration[..., 1] - velocity[..., 1] * acceleration[..., 0]
         return cross / np.linalg.norm(velocity, axis=-1) ** 3
+
+    def direction(self, points: Array) -> Array:
+        """Return the unit tangents at the nearest points of the curve, shape (n, 2) as `points`.
+
+        From the nearest of close samples by Newton's method for (x - c(t)) . c'(t) = 0, which
+        `FOOT_ITERATIONS` bring to rounding.
+        """
+        t = self.sample(FOOT_STEP)
+        t = t[cKDTree(self.evaluate(t)).query(points)[1]]
+        for _ in range(FOOT_ITERATIONS):
+            away, velocity = points - self.evaluate(t), self.evaluate(t, 1)
+            slope = np.sum(away * self.evaluate(t, 2) - velocity**2, axis=1)
+            t = (t - np.sum(away * velocity, axis=1) / slope) % self.period
+        velocity = self.evaluate(t, 1)
+        return velocity / np.linalg.norm(velocity, axis=1)[:, None]
 
     def integrate(self, integrand: Callable[[Array], Array]) -> float:
         """Integrate a function of t over the period with four Gauss points a knot interval."""

@@ -116,13 +116,13 @@ def mesh(
 
     `surfaces` and `edges` are by region and boundary. `size` adds size fields when the surfaces are
     there; the smallest counts. `region_tags` are by default 1, 2, ... in the order of `surfaces`;
-    the socket's is always its own.
+    socket and liner always have their own.
     """
     gmsh.model.occ.synchronize()
     if region_tags is None:
-        names = [name for name in surfaces if name != tags.SOCKET]
+        names = [name for name in surfaces if name not in (tags.SOCKET, tags.LINER)]
         region_tags = {name: number for number, name in enumerate(names, start=1)}
-    region_tags = {**region_tags, tags.SOCKET: tags.SOCKET_ID}
+    region_tags = {**region_tags, tags.SOCKET: tags.SOCKET_ID, tags.LINER: tags.LINER_ID}
     for name, surface in surfaces.items():
         gmsh.model.addPhysicalGroup(2, [surface], region_tags[name], name)
     for name, parts in edges.items():

@@ -333,7 +333,7 @@ class Limb(Strict):
             place = f"regions.{region.name}"
             if region.id >= tags.SOCKET_ID:
                 yield f"{place}.id: {region.id} is reserved; choose one below {tags.SOCKET_ID}"
-            if region.name == tags.SOCKET:
+            if region.name in (tags.SOCKET, tags.LINER):
                 yield f"{place}.name: reserved for the socket; choose another"
         owner: dict[str, str] = {}
         hole_of: dict[str, str] = {}

@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.lining import Lining, fitted
 from calfsocket.meshes.socket import Outline, Socket
 
 #: Distance of the points of the skin that are looked at, mm.
@@ -21,6 +22,9 @@ GRIP_STEP = 1.0
 #: A socket that takes less than this share of the limb's area may be no smaller than the limb: the
 #: skin's outline, scanned with 0.05 mm of noise, encloses its own area to 0.03 %.
 NOT_SMALLER = 5e-4
+#: Soft tissue and liner are not squeezed to less than this share of their area: on average they
+#: would lose more volume than any of them does at any point in the reference sockets (J > 0.74).
+LEAST_ROOM = 0.7
 #: It presses nowhere if all overlap but this, mm, can be moved away: what a scanner resolves.
 NO_GRIP = 0.05
 #: An outline whose centre is at least this far from the limb's may be drawn in another frame, mm.
@@ -29,7 +33,11 @@ OFF_CENTRE = 5.0
 
 @dataclass(frozen=True)
 class Placement:
-    """A socket on a limb, both undeformed; an overlap is negative where the skin is clear of it."""
+    """A socket on a limb, both undeformed; an overlap is negative where the skin is clear of it.
+
+    With a liner, "the skin" is the surface that meets what is around it: the outer face of a liner
+    on the limb; and the "inner face" that of a liner inside the socket.
+    """
 
     area_reduction: float  #: area within the inner face over that of the limb, 1 minus that
     perimeter_reduction: float  #: the same of the perimeters
@@ -42,7 +50,13 @@ class Placement:
     squeezed: float  #: greatest depth as a share of the tissue from the skin to the nearest bone
 
 
-def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool = True) -> Placement:
+def check_placement(
+    socket: Socket,
+    limb: Limb,
+    name: str = "",
+    floating: bool = True,
+    liner: Lining | None = None,
+) -> Placement:
     """Measure how a socket sits on a limb, and refuse what cannot be solved.
 
     Parameters
@@ -53,6 +67,8 @@ def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool =
         Of the socket, for messages.
     floating
         Whether the socket rests on the limb alone, so that it must press from more than one side.
+    liner
+        Between limb and socket.
 
     Raises
     ------
@@ -67,13 +83,13 @@ def check_placement(socket: Socket, limb: Limb, name: str = "", floating: bool =
     reference sockets have a `squeezed` of 0.15 (TC), 0.09 (TSB) and 0.25 (HS).
     """
     with error_context(f"socket {name}") if name else nullcontext():
-        return _placement(socket, limb, floating)
+        return _placement(socket, limb, floating, liner)
 
 
-def _placement(socket: Socket, limb: Limb, floating: bool) -> Placement:
+def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None) -> Placement:
     loops = limb_curves(limb)
-    skin = loops[limb.contact_boundary]
-    inner, _ = socket.faces(limb)
+    fit = fitted(limb, socket, liner)
+    skin, inner = fit.surface, fit.face
     at = limb.frame.at
     points = skin.evaluate(skin.sample(SKIN_STEP))
     face = inner.evaluate(inner.sample(CURVE_STEP))
@@ -94,13 +110,21 @@ def _placement(socket: Socket, limb: Limb, floating: bool) -> Placement:
     squeezed = overlap / _soft_tissue(points, limb, loops)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
+        over = "soft tissue and liner" if fit.surface is fit.lining else "soft tissue"
+        thinner = ", or make the liner thinner" if liner else ""
         raise InputError(
             f"reaches into bone: it presses {overlap[worst]:.1f} mm deep at"
             f" {at(points[worst])}, where the bone has"
-            f" {overlap[worst] / squeezed[worst]:.1f} mm of soft tissue over it; make it larger or"
-            f" move it{aside}"
+            f" {overlap[worst] / squeezed[worst]:.1f} mm of {over} over it; make it larger or"
+            f" move it{thinner}{aside}"
         )
     area_reduction = 1 - inner.area / skin.area
+    if liner and (left := _room_left(limb, loops, skin, inner)) < LEAST_ROOM:
+        raise InputError(
+            f"leaves soft tissue and a liner of {liner.thickness:g} mm"
+            f" {100 * max(left, 0):.0f} % of their area, and they lose"
+            " little volume; make the liner thinner or the socket larger"
+        )
     if floating and area_reduction < NOT_SMALLER:
         _check_grip(socket, area_reduction, points, face)
     return Placement(
@@ -114,6 +138,16 @@ def _placement(socket: Socket, limb: Limb, floating: bool) -> Placement:
         largest_angle=float(limb.frame.angle(points[most])),
         squeezed=float(squeezed[worst]),
     )
+
+
+def _room_left(
+    limb: Limb, loops: dict[str, ClosedCurve], surface: ClosedCurve, face: ClosedCurve
+) -> float:
+    """Return the area within a face over that within a surface, both without what is hard."""
+    areas = limb.areas
+    hard = sum(areas[region.name] for region in limb.regions if region.tissue == "bone")
+    hard += loops[limb.fixed_boundary].area
+    return (face.area - hard) / (surface.area - hard)
 
 
 def _aside(socket: Socket, face: Array, points: Array) -> str:

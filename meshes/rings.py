@@ -20,6 +20,7 @@ def ring_mesh(
     socket: tuple[float, float] | None,
     h: float | tuple[float, float],
     turn: float = 0.0,
+    lining: float = 0.0,
 ) -> SectionMesh:
     """Return a layered ring, and a socket ring around it, centred at the origin.
 
@@ -30,7 +31,8 @@ def ring_mesh(
     layers
         (name, inner radius, outer radius) in mm from the inside out, each starting where the one
         before it ends. The innermost circle is the boundary ``tibia_medullary``, the outermost
-        ``skin_surface``; regions get the tags 1, 2, ... in this order.
+        ``skin_surface``; regions get the tags 1, 2, ... in this order. Outside a last layer
+        ``liner`` it is ``liner_surface``, and inside it ``skin_surface``.
     socket
         (inner radius, outer radius) in mm, or None. It may overlap the layers: the two bodies
         share no nodes.
@@ -38,8 +40,10 @@ def ring_mesh(
         Length of the triangles' sides, mm, of both bodies or of each.
     turn
         Angle at which the socket's numbering starts, rad: it turns the nodes of its faces.
+    lining
+        Thickness of a ``liner`` inside the socket, which shares its nodes, mm; 0 without one.
     """
-    return distribute(comm, lambda: build(layers, socket, h, turn))
+    return distribute(comm, lambda: build(layers, socket, h, turn, lining))
 
 
 def build(
@@ -47,6 +51,7 @@ def build(
     socket: tuple[float, float] | None,
     h: float | tuple[float, float],
     turn: float = 0.0,
+    lining: float = 0.0,
 ) -> TriangleMesh:
     """Mesh the rings on this process; parameters as in `ring_mesh`."""
     h_limb, h_socket = h if isinstance(h, tuple) else (h, h)
@@ -60,11 +65,17 @@ def build(
         }
         sizes = [(h_limb, list(surfaces.values()))]
         edges = {tags.TIBIA_MEDULLARY: circles[0], tags.SKIN_SURFACE: circles[-1]}
+        if layers[-1][0] == tags.LINER:
+            edges |= {tags.SKIN_SURFACE: circles[-2], tags.LINER_SURFACE: circles[-1]}
         if socket is not None:
             inner, outer = ([gmsh_model.add_circle(radius, turn=turn)] for radius in socket)
             surfaces[tags.SOCKET] = gmsh_model.add_region(outer, inner)
             edges |= {tags.SOCKET_INNER: inner, tags.SOCKET_OUTER: outer}
-            sizes.append((h_socket, [surfaces[tags.SOCKET]]))
+            if lining:
+                edges[tags.LINER_SURFACE] = [gmsh_model.add_circle(socket[0] - lining, turn=turn)]
+                surfaces[tags.LINER] = gmsh_model.add_region(inner, edges[tags.LINER_SURFACE])
+            added = [surfaces[name] for name in (tags.SOCKET, tags.LINER) if name in surfaces]
+            sizes.append((h_socket, added))
         gmsh_model.mesh(
             surfaces,
             edges,

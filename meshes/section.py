@@ -15,6 +15,7 @@ from calfsocket.meshes import gmsh_model, sizing, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.lining import Lining, fitted
 from calfsocket.meshes.plate import Plate, add_plate
 from calfsocket.meshes.quality import quality_table
 from calfsocket.meshes.sizing import MeshSize, SizeField
@@ -23,31 +24,33 @@ from calfsocket.meshes.socket import Socket
 from calfsocket.meshes.triangles import TriangleMesh
 
 
-def section_mesh(comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize) -> SectionMesh:
-    """Mesh a limb and a socket on rank 0 of `comm` and distribute the mesh over its ranks.
+def section_mesh(
+    comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
+) -> SectionMesh:
+    """Mesh a limb, a liner and a socket on rank 0 of `comm` and distribute it over its ranks.
 
     Raises
     ------
     InputError
         On every rank, when the data cannot be meshed.
     """
-    return distribute(comm, lambda: build(limb, socket, size))
+    return distribute(comm, lambda: build(limb, socket, size, liner))
 
 
-def build(limb: Limb, socket: Socket, size: MeshSize) -> TriangleMesh:
+def build(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> TriangleMesh:
     """Mesh a limb and a socket on this process; the same input gives the same arrays."""
-    size = final_size(limb, socket, size)
+    size = final_size(limb, socket, size, liner)
     with gmsh_model.session("section"):
-        generate(limb, socket, size)
+        generate(limb, socket, size, liner)
         return smooth(gmsh_model.extract())
 
 
-def final_size(limb: Limb, socket: Socket, size: MeshSize) -> MeshSize:
+def final_size(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> MeshSize:
     """Replace a size that is a number of triangles by one in mm, by trial meshes."""
 
     def count(trial: MeshSize) -> int:
         with gmsh_model.session("trial"):
-            generate(limb, socket, trial)
+            generate(limb, socket, trial, liner)
             return len(gmsh_model.extract().cells)
 
     return size.for_triangles(count)
@@ -79,26 +82,40 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     )
 
 
-def generate(limb: Limb, socket: Socket, size: MeshSize) -> None:
+def generate(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> None:
     """Mesh a limb and a socket in the current gmsh model, with named physical groups.
 
-    The nodes are gmsh's, before `smooth`.
+    A liner shares its nodes with what it is bonded to. The nodes are gmsh's, before `smooth`.
     """
     loops = limb_curves(limb)
-    inner, outer = socket.faces(limb)
+    fit = fitted(limb, socket, liner)
     surfaces, boundaries = _add_limb(limb, loops)
     limb_surfaces = list(surfaces.values())
-    inner_edge, outer_edge = [gmsh_model.add_loop(inner)], [gmsh_model.add_loop(outer)]
+    inner_edge, outer_edge = [gmsh_model.add_loop(fit.inner)], [gmsh_model.add_loop(fit.outer)]
     surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
-    on_limb = sizing.limb_field(loops, limb.contact_boundary, size)
-    on_socket = sizing.socket_field(inner, outer, size)
+    socket_surfaces, faces = [surfaces[tags.SOCKET]], [fit.inner, fit.outer]
+    meets = limb.contact_boundary
+    if liner is not None and fit.lining is not None:
+        edge = [gmsh_model.add_loop(fit.lining)]
+        boundaries[tags.LINER_SURFACE] = edge
+        if liner.bonded == "limb":
+            surfaces[tags.LINER] = gmsh_model.add_region(edge, boundaries[tags.SKIN_SURFACE])
+            limb_surfaces.append(surfaces[tags.LINER])
+            meets = tags.LINER_SURFACE
+            loops = {**loops, meets: fit.lining}
+        else:
+            surfaces[tags.LINER] = gmsh_model.add_region(inner_edge, edge)
+            socket_surfaces.append(surfaces[tags.LINER])
+            faces.insert(0, fit.lining)
+    on_limb = sizing.limb_field(loops, meets, size)
+    on_socket = sizing.socket_field(*faces, size=size)
     with tempfile.TemporaryDirectory() as folder:
         gmsh_model.mesh(
             surfaces,
             boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
             lambda: [
                 _add_size(folder, on_limb, limb_surfaces),
-                _add_size(folder, on_socket, [surfaces[tags.SOCKET]]),
+                _add_size(folder, on_socket, socket_surfaces),
             ],
             limb.region_tags,
         )

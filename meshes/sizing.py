@@ -148,13 +148,11 @@ def limb_field(loops: Mapping[str, ClosedCurve], contact: str, size: MeshSize) -
     return _spread(np.concatenate(list(points.values())), np.concatenate(sizes), size)
 
 
-def socket_field(inner: ClosedCurve, outer: ClosedCurve, size: MeshSize) -> SizeField:
-    """Return the element size of the socket, from its two faces."""
-    points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in (inner, outer)]
-    sizes = [
-        np.full(len(p), h)
-        for p, h in zip(points, (size.socket_inner, size.socket_outer), strict=True)
-    ]
+def socket_field(*faces: ClosedCurve, size: MeshSize) -> SizeField:
+    """Return the element size of the socket, from its faces; a liner's inner face comes first."""
+    points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in faces]
+    wanted = [size.socket_inner] * (len(faces) - 1) + [size.socket_outer]
+    sizes = [np.full(len(p), h) for p, h in zip(points, wanted, strict=True)]
     return _spread(np.concatenate(points), np.concatenate(sizes), size)
 
 

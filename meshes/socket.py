@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Union
 
 import numpy as np
 from pydantic import Field, GetJsonSchemaHandler, RootModel
@@ -19,9 +19,9 @@ from calfsocket.meshes.curves import Array, ClosedCurve, Points
 from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.fairing import TOLERANCE
 from calfsocket.meshes.frame import Frame
-from calfsocket.meshes.limb import Limb
 
 if TYPE_CHECKING:
+    from calfsocket.meshes.limb import Provenance
     from calfsocket.meshes.outline import ReadOutline
 
 #: How far a socket's face may lie from the skin, mm.
@@ -32,6 +32,22 @@ Angle = Annotated[float, Written(ANGLE, "90 deg")]
 Width = Annotated[float, Written(ANGLE, "20 deg"), Field(gt=0)]
 AreaReduction = Annotated[float, Written(SHARE, "5 %"), Field(gt=-1, lt=1)]
 Modulus = Annotated[float, Written(STRESS, "1.5 GPa"), Field(gt=0)]
+
+
+class Wearer(Protocol):
+    """What a socket is put around: a limb, or one with a liner."""
+
+    @property
+    def skin(self) -> ClosedCurve:
+        """The surface that the socket meets."""
+
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior are."""
+
+    @property
+    def source(self) -> "Provenance | None":
+        """Where the limb was made from."""
 
 
 class Bump(Strict):
@@ -173,7 +189,7 @@ class Socket(Strict):
         read = _read_outline(path, file)
         return Outline(**vars(read), shift=shift, rotation=rotation, **wall)
 
-    def thickness(self, limb: Limb) -> float:
+    def thickness(self, limb: Wearer) -> float:
         """Return the thickness of the wall around a limb, mm."""
         return self.wall_thickness
 
@@ -186,11 +202,11 @@ class Socket(Strict):
         """Yield what whoever wrote its file should know, a line each; nothing is wrong with it."""
         yield from ()
 
-    def inner_face(self, limb: Limb) -> ClosedCurve:
+    def inner_face(self, limb: Wearer) -> ClosedCurve:
         """Return the inner face for a limb."""
         raise NotImplementedError
 
-    def faces(self, limb: Limb) -> tuple[ClosedCurve, ClosedCurve]:
+    def faces(self, limb: Wearer) -> tuple[ClosedCurve, ClosedCurve]:
         """Return the inner and the outer face for a limb.
 
         Raises
@@ -200,10 +216,16 @@ class Socket(Strict):
         """
         thickness = self.thickness(limb)
         inner = self.inner_face(limb)
-        _check_face(inner, limb.frame, "the inner face crosses itself", self._remedy)
-        _check_wall(inner, limb.frame, thickness)
+        check_face(inner, limb.frame, "the inner face crosses itself", self._remedy)
+        check_wall(
+            (inner, "the inner face"),
+            limb.frame,
+            thickness,
+            f"a wall of {thickness:g} mm",
+            "make the wall thinner or the concavity wider",
+        )
         outer = curves.offset(inner, lambda points: np.full(len(points), thickness))
-        _check_face(
+        check_face(
             outer,
             limb.frame,
             f"the outer face crosses itself, for a wall of {thickness:g} mm does not fit,",
@@ -229,7 +251,7 @@ class NormalOffset(Socket):
     base: Offset
     bumps: tuple[Bump, ...] = ()
 
-    def inner_face(self, limb: Limb) -> ClosedCurve:
+    def inner_face(self, limb: Wearer) -> ClosedCurve:
         """Return the skin moved inward."""
         angle = limb.frame.angle
         return curves.offset(
@@ -264,7 +286,7 @@ class CircleBlend(Socket):
     roundness: Annotated[float, Field(ge=0, le=1)] = 0.0
     bumps: tuple[Bump, ...] = ()
 
-    def inner_face(self, limb: Limb) -> ClosedCurve:
+    def inner_face(self, limb: Wearer) -> ClosedCurve:
         """Return the blend."""
         skin = limb.skin
 
@@ -332,7 +354,7 @@ class Outline(Socket):
         if self.deviation:
             yield f"the outline was smoothed; the curve is up to {self.deviation:.2f} mm from it"
 
-    def inner_face(self, limb: Limb) -> ClosedCurve:
+    def inner_face(self, limb: Wearer) -> ClosedCurve:
         """Return the spline; it is the same for every limb."""
         turn = np.deg2rad(self.rotation)
         rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
@@ -370,7 +392,7 @@ class SectionOutline(Strict):
     deviation_mm: Annotated[float, Field(ge=0)] = 0.0
     wall_mm: Annotated[float, Field(gt=0)] | None = None
 
-    def is_of(self, limb: Limb) -> bool:
+    def is_of(self, limb: Wearer) -> bool:
         """Return whether it was cut in the plane of a limb's section."""
         if limb.source is None:
             return False
@@ -451,7 +473,7 @@ class Sections(Socket):
     _remedy: ClassVar[str] = "smooth the scan"
     tighter: ClassVar[str] = "check that the scan is that of the socket's inner face, and its place"
 
-    def of(self, limb: Limb) -> SectionOutline:
+    def of(self, limb: Wearer) -> SectionOutline:
         """Return the outline in the section of a limb.
 
         Raises
@@ -470,7 +492,7 @@ class Sections(Socket):
             " for; cut it for this one by `python3 -m calfsocket socket`"
         )
 
-    def thickness(self, limb: Limb) -> float:
+    def thickness(self, limb: Wearer) -> float:
         """Return the thickness of the wall there: the scan's where it has both faces."""
         return self.of(limb).wall_mm or self.wall_thickness
 
@@ -482,7 +504,7 @@ class Sections(Socket):
                 f" inside the skin (+-{self.source.rms_mm:.2f} mm root mean square)"
             )
 
-    def inner_face(self, limb: Limb) -> ClosedCurve:
+    def inner_face(self, limb: Wearer) -> ClosedCurve:
         """Return the spline in the limb's section."""
         return curves.through(self.of(limb).points)
 
@@ -501,7 +523,8 @@ AnySocket = Annotated[
 ]
 
 
-def _check_face(face: ClosedCurve, frame: Frame, what: str, remedy: str) -> None:
+def check_face(face: ClosedCurve, frame: Frame, what: str, remedy: str) -> None:
+    """Refuse a face that crosses itself or runs clockwise, in words of what it is."""
     crossing = curves.crossing_of(face)
     if crossing is not None:
         raise InputError(f"{what} at {frame.at(crossing)}; {remedy}")
@@ -509,18 +532,24 @@ def _check_face(face: ClosedCurve, frame: Frame, what: str, remedy: str) -> None
         raise InputError("a face runs clockwise; give its points counter-clockwise")
 
 
-def _check_wall(inner: ClosedCurve, frame: Frame, thickness: float) -> None:
-    """Refuse a wall that folds over: where the face is concave with a smaller radius."""
-    t = inner.sample(inner.perimeter / curves.CROSSING_POINTS)
-    # 1/mm, negative where the wall's material is squeezed together towards the outside.
-    curvature = inner.curvature(t)
+def check_wall(
+    on: tuple[ClosedCurve, str], frame: Frame, thickness: float, what: str, remedy: str
+) -> None:
+    """Refuse a layer that folds over: on the hollow side of a face with a smaller radius.
+
+    The face comes with its name; the layer is outside it where its thickness, mm, is positive.
+    """
+    face, name = on
+    t = face.sample(face.perimeter / curves.CROSSING_POINTS)
+    # 1/mm, negative where the wall's material is squeezed together away from the face.
+    curvature = np.sign(thickness) * face.curvature(t)
     worst = int(np.argmin(curvature))
-    if 1 + thickness * curvature[worst] <= 0:
-        place = frame.at(inner.evaluate(t[worst]))
+    if 1 + abs(thickness) * curvature[worst] <= 0:
+        place = frame.at(face.evaluate(t[worst]))
+        shape = "concave" if thickness > 0 else "convex"
         raise InputError(
-            f"a wall of {thickness:g} mm folds over where the inner face is concave with a radius"
-            f" of {-1 / curvature[worst]:.2g} mm, at {place}; make the wall thinner or the"
-            " concavity wider"
+            f"{what} folds over where {name} is {shape} with a radius"
+            f" of {-1 / curvature[worst]:.2g} mm, at {place}; {remedy}"
         )
 
 

@@ -56,6 +56,13 @@ def socket(text: str) -> str:
     return f'[study]\nsockets = ["mine"]\nmaterials = ["separate"]\n[sockets.mine]\n{text}\n'
 
 
+def liner(text: str) -> str:
+    """Return the table of a liner with other values."""
+    lines = {"thickness": 'thickness = "6 mm"', "law": 'law = "silicone"'}
+    lines |= {line.split(" ")[0]: line for line in text.splitlines()}
+    return "[liner]\n" + "\n".join(lines.values()) + "\n"
+
+
 def fat(text: str) -> str:
     """Return the good file with another law of fat."""
     return edited('{ law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }', text)
@@ -112,6 +119,17 @@ def an_outline_on_a_page(folder: Path) -> Sequence[str]:
         '<circle cx="105" cy="148.5" r="54"/></svg>'
     )
     return written(folder, socket('outline = "inner.svg"'))
+
+
+def a_liner_in_an_outline(folder: Path, of: str = 'thickness = "25 mm"') -> Sequence[str]:
+    words = a_socket_as_large_as_the_limb(folder)
+    with (folder / "study.toml").open("a") as file:
+        file.write(liner(of))
+    return words
+
+
+def a_liner_inside_an_outline(folder: Path) -> Sequence[str]:
+    return a_liner_in_an_outline(folder, 'thickness = "40 mm"\nbonded = "socket"')
 
 
 def a_socket_as_large_as_the_limb(folder: Path) -> Sequence[str]:
@@ -260,7 +278,36 @@ TRIALS = (
     Trial("a body's weight", edited("[model]", '[model]\nweight = "80 kg"'),
           ("study.toml: model.weight: loads on the socket after donning are stages",)),
     Trial("a liner", socket('like = "TC"\nliner = "3 mm"'),
-          ("sockets.mine.liner: liners are not implemented", "friction")),
+          ("sockets.mine.liner: a liner has a table of its own, [liner]", "thickness")),
+    Trial("a liner without a thickness", GOOD + "[liner]\nlaw = \"gel\"\n",
+          ("study.toml: liner.thickness: is missing; add it",)),
+    Trial("a liner without a law", GOOD + "[liner]\nthickness = \"6 mm\"\n",
+          ("study.toml: liner.law: is missing; add it",)),
+    Trial("a liner without a unit", GOOD + liner('thickness = 6'),
+          ("study.toml: liner.thickness: 6 is not a number with a unit", "mm")),
+    Trial("a liner of no thickness", GOOD + liner('thickness = "0 mm"'),
+          ("study.toml: liner.thickness: is '0 mm'; it must be greater than 0",)),
+    Trial("a liner of an unknown material", GOOD + liner('law = "silicon"'),
+          ("study.toml: liner.law: no liner law 'silicon'; did you mean 'silicone'?",)),
+    Trial("a liner's law with a wrong unit",
+          GOOD + liner('law = { law = "neo-hookean", mu = "4 mm", nu = 0.49 }'),
+          ("study.toml: liner.law: mu: unit 'mm' is unknown", "kPa")),
+    Trial("a liner's law in no file", GOOD + liner('law = { file = "mine.toml" }'),
+          ("mine.toml: cannot be read (No such file",)),
+    Trial("a liner bonded to nothing", GOOD + liner('bonded = "skin"'),
+          ("study.toml: liner.bonded: is 'skin'; it must be 'limb' or 'socket'",)),
+    Trial("a liner half as large as the limb", GOOD + liner('undersize = "50 %"'),
+          ("study.toml: liner.undersize: is '50 %'; it must be less than 50 %",)),
+    Trial("a liner that is larger than the limb", GOOD + liner('undersize = "-5 %"'),
+          ("study.toml: liner.undersize: is '-5 %'; it must be greater than or equal to 0",)),
+    Trial("a liner that folds over inside the socket", a_liner_inside_an_outline,
+          ("sockets.mine: liner: a liner of 40 mm folds over where the socket's inner face is "
+           "convex", "make the liner thinner")),
+    Trial("a liner that an outline leaves no room for", a_liner_in_an_outline,
+          ("sockets.mine: leaves soft tissue and a liner of 25 mm", "make the liner thinner or")),
+    Trial("a liner's thickness in a sweep without a liner",
+          GOOD + '[sweep.grid]\nliner.thickness = ["3 mm", "6 mm"]\n',
+          ("study.toml: sweep: with liner.thickness = '3 mm': liner.law: is missing; add it",)),
     Trial("a pressure on the skin", GOOD + "[pressure]\nskin = \"5 kPa\"\n",
           ("study.toml: pressure: prescribed pressures are not implemented",)),
     Trial("a time of the steps", edited("[model]", '[steps]\ntime = "2 s"\n[model]'),

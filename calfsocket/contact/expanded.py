@@ -45,7 +45,11 @@ class ExpandedSocket(WholeOverclosure):
 
     def __init__(self, w: Any, section: SectionMesh, *arguments: Any) -> None:
         super().__init__(w, section, *arguments)
-        cells = section.cell_tags.find(section.regions[tags.SOCKET])
+        *_, pair = arguments
+        moved = [tags.SOCKET]
+        if pair.socket == tags.LINER_SURFACE:  # a liner that is bonded to the socket
+            moved.append(tags.LINER)
+        cells = np.concatenate([section.cell_tags.find(section.regions[name]) for name in moved])
         self._centre = self.chain.reference[:, 2].mean(axis=0)
         self._nodes = np.unique(section.mesh.geometry.dofmap[cells])
         self._unswollen = section.mesh.geometry.x[self._nodes, :2].copy()

@@ -62,8 +62,14 @@ class Face:
     inside: FloatArray
 
     @classmethod
-    def of(cls, V: fem.FunctionSpace, facet_tags: mesh.MeshTags, tag: int) -> "Face":
-        """Collect the edges with a facet tag."""
+    def of(
+        cls,
+        V: fem.FunctionSpace,
+        facet_tags: mesh.MeshTags,
+        tag: int,
+        side: NDArray[np.bool_] | None = None,
+    ) -> "Face":
+        """Collect the edges with a facet tag, of cells on one side of them if there are two."""
         domain = V.mesh
         domain.topology.create_connectivity(1, 2)
         domain.topology.create_connectivity(2, 1)
@@ -72,9 +78,9 @@ class Face:
         owned = domain.topology.index_map(2).size_local
         pairs = []
         for facet in facet_tags.find(tag):
-            cell = facet_to_cell.links(facet)[0]
-            if cell < owned:
-                pairs.append((cell, np.flatnonzero(cell_to_facet.links(cell) == facet)[0]))
+            for cell in facet_to_cell.links(facet):
+                if cell < owned and (side is None or side[cell]):
+                    pairs.append((cell, np.flatnonzero(cell_to_facet.links(cell) == facet)[0]))
         entities = np.array(pairs, dtype=np.int32).reshape(-1, 2)
         cells, local = entities[:, 0], entities[:, 1]
         # Order-2 geometry: nodes 0-2 are the vertices, 3-5 the mid-sides opposite to them.
@@ -158,20 +164,18 @@ class ContactInterface:
     ) -> None:
         V = w.function_space
         domain = V.mesh
-        self._region = surface_region(section, laws, pair.skin)
+        self._region, self.skin, socket = self._sides(V, section, laws, pair)
         self._fields = fields
         self.load = 0.0
         self.parameters = parameters = pair.parameters
         self.edge_parameters, self._edge_weights = np.polynomial.legendre.leggauss(
             parameters.gauss_points
         )
-        facet_tags, boundaries = section.facet_tags, section.boundaries
-        self.skin = Face.of(V, facet_tags, boundaries[pair.skin])
         self.comm = domain.comm
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
-        self._set_up_socket(Face.of(V, facet_tags, boundaries[pair.socket]))
+        self._set_up_socket(socket)
 
         self._on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
         self._compile_stress()
@@ -184,6 +188,20 @@ class ContactInterface:
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
         self.converged_arc = self._earlier_arc = start.arc
+
+    def _sides(
+        self,
+        V: fem.FunctionSpace,
+        section: SectionMesh,
+        laws: Mapping[str, Law],
+        pair: "ContactPair",
+    ) -> tuple[str, Face, Face]:
+        """Return a region of the skin's side, and the faces of both sides (collective)."""
+        skin, socket = (
+            Face.of(V, section.facet_tags, section.boundaries[name])
+            for name in (pair.skin, pair.socket)
+        )
+        return surface_region(section, laws, pair.skin), skin, socket
 
     def _compile_stress(self) -> None:
         """Make the nominal stress of the skin and its derivative (collective)."""

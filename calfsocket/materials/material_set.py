@@ -64,7 +64,7 @@ class MaterialSet:
 
     def __post_init__(self) -> None:
         _check_choice("material set", self.base, BASE_SETS)
-        needed = dict.fromkeys(self.material(tissue) for tissue in tissues.TISSUES)
+        needed = dict.fromkeys(self.material(tissue) for tissue in tissues.IN_SETS)
         for name, law in {**self.laws, **self.regions}.items():
             if not isinstance(law, Law):
                 raise InputError(f"material set {self.name}: {name} is {law!r}; it must be a law")
@@ -179,7 +179,7 @@ class MaterialSet:
 
     def tissue_laws(self) -> dict[str, Law]:
         """Law of each tissue, the socket among them."""
-        return {tissue: self.laws[self.material(tissue)] for tissue in tissues.TISSUES}
+        return {tissue: self.laws[self.material(tissue)] for tissue in tissues.IN_SETS}
 
     def region_laws(self, limb_regions: Mapping[str, str]) -> dict[str, Law]:
         """Law of each region of a limb and of its socket, the region's own or its tissue's.

@@ -10,7 +10,11 @@ from typing import Literal
 
 from calfsocket.materials.laws import Hencky, Ogden, Yeoh
 
-TISSUES = ("skin", "fat", "fascia", "muscle", "bone", "vessel", "socket")
+IN_SETS = ("skin", "fat", "fascia", "muscle", "bone", "vessel", "socket")
+"""Tissues that a material set has a law of; the socket is called one, too."""
+
+TISSUES = (*IN_SETS, "liner")
+"""What a region of a section may be; a liner brings its own law (`materials.liner`)."""
 
 FasciaC10 = Literal["printed", "tables"]
 

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Literal, get_args
 
+from mpi4py import MPI
+
 from calfsocket.contact.expanded import ExpandedSocket
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.parameters import Contact
@@ -38,8 +40,10 @@ def limb_problem(
 ) -> Problem:
     """Make the problem of a limb in a socket (collective).
 
-    The limb is constrained at the tibia's medullary boundary. Sides of a piece of tissue, where the
-    mesh has them, do not move in x.
+    What meets in contact are the skin and the socket's inner face or, where the mesh has a liner,
+    its free face and the one of the two that it is not bonded to. The limb is constrained at the
+    tibia's medullary boundary. Sides of a piece of tissue, where the mesh has them, do not move in
+    x.
 
     Parameters
     ----------
@@ -74,6 +78,28 @@ def limb_problem(
         section,
         laws,
         constraints,
-        contact=ContactPair(tags.SKIN_SURFACE, tags.SOCKET_INNER, contact, interface),
+        contact=ContactPair(*contact_surfaces(section), contact, interface),
         foundation=Foundation(lasting, fading or {}) if lasting or fading else None,
     )
+
+
+def contact_surfaces(section: SectionMesh) -> tuple[str, str]:
+    """Return the boundary of the limb's side in contact, and that of the socket's (collective)."""
+    if tags.LINER not in section.regions:
+        return tags.SKIN_SURFACE, tags.SOCKET_INNER
+    if bonded_to_limb(section):
+        return tags.LINER_SURFACE, tags.SOCKET_INNER
+    return tags.SKIN_SURFACE, tags.LINER_SURFACE
+
+
+def bonded_to_limb(section: SectionMesh) -> bool:
+    """Whether the mesh has a liner that shares the skin's nodes (collective)."""
+    if tags.LINER not in section.regions:
+        return False
+    topology = section.mesh.topology
+    topology.create_connectivity(1, 2)
+    facet_to_cell = topology.connectivity(1, 2)
+    skin = section.facet_tags.find(section.boundaries[tags.SKIN_SURFACE])
+    regions, liner = section.cell_regions(), section.regions[tags.LINER]
+    mine = any((regions[facet_to_cell.links(facet)] == liner).any() for facet in skin)
+    return bool(section.mesh.comm.allreduce(mine, op=MPI.LOR))

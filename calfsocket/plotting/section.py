@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calfsocket.meshes.frame import Frame
 from calfsocket.postprocess.fields import SectionFields
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+from calfsocket.postprocess.quantities import REPORTED, SUMMARY_TISSUES
 
 # Distinct by hue, and by lightness for colour-blind eyes.
 TISSUE_COLOURS = {
@@ -22,6 +22,7 @@ TISSUE_COLOURS = {
     "muscle": "#dc9a92",
     "vessel": "#2a5d9c",
     "bone": "#efede6",
+    "liner": "#9ec9a8",
 }
 # Light where the value is low, so that outlines show; colour-blind eyes can read them, too.
 STRESS_COLOURS = "YlGnBu"
@@ -148,8 +149,8 @@ def draw_field(
     zorder: float = 0,
     **image: Any,
 ) -> None:
-    """Draw a field of the deformed soft tissues (`field_image`), with bone, socket and outlines."""
-    points, soft = fields.deformed, fields.cells_of(*SUMMARY_TISSUES)
+    """Draw a field of the deformed soft tissues and liner (`field_image`), with what is hard."""
+    points, soft = fields.deformed, fields.cells_of(*REPORTED)
     shown = field_image(fields, values, soft, window, pixels)
     axes.imshow(shown, extent=window, origin="lower", zorder=zorder, **image)
     draw_tissue(axes, fields, points, "bone", facecolor=BONE, zorder=zorder)

@@ -7,11 +7,14 @@ import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from calfsocket.contact.friction import STATUS_NAMES
+from calfsocket.contact.bonded import BondedSkin
+from calfsocket.contact.friction import STATUS_NAMES, STICK
+from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.forms.measures import cauchy_stress
+from calfsocket.mechanics.limb_problem import bonded_to_limb
 from calfsocket.mechanics.problem import Problem
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
@@ -73,20 +76,48 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
 
 
 def contact_line(model: Problem) -> ContactLine | None:
-    """Contact along the skin; on rank 0 (collective)."""
+    """Contact along the limb's side: skin, or a liner that is bonded to it (collective).
+
+    Returned on rank 0.
+    """
     contact = model.contact
     state = contact.state()
     law = state.traction
-    collected = model.comm.gather(
+    return _line(contact, law.pressure, law.shear, state.reduced_gap, law.status)
+
+
+def skin_line(model: Problem) -> ContactLine | None:
+    """Contact along the skin; on rank 0 (collective).
+
+    Under a liner that is bonded to it that is the traction between the two, which sticks
+    everywhere; its pressure is negative where the liner pulls.
+    """
+    if not bonded_to_limb(model.section):
+        return contact_line(model)
+    skin = BondedSkin(model.w, model.section, model.region_laws, model.fields)
+    traction = skin.traction()
+    n = len(traction.pressure)
+    return _line(skin, traction.pressure, traction.shear, np.zeros(n), np.full(n, STICK))
+
+
+def _line(
+    contact: ContactInterface,
+    pressure: NDArray[np.float64],
+    shear: NDArray[np.float64],
+    gap: NDArray[np.float64],
+    status: NDArray[np.int64],
+) -> ContactLine | None:
+    """Collect values at the points of an interface along its skin; on rank 0 (collective)."""
+    collected = contact.comm.gather(
         (
             contact.skin.nodes,
             contact.points.reference,
             contact.deformed_points(),
             contact.points.weight,
-            law.pressure,
-            law.shear,
-            state.reduced_gap,
-            law.status,
+            pressure,
+            shear,
+            gap,
+            status,
         ),
         root=0,
     )

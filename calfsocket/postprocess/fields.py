@@ -94,6 +94,15 @@ class SectionFields:
         return np.flatnonzero(np.isin(self.tissue, [TISSUES.index(name) for name in tissues]))
 
     @cached_property
+    def bodies(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Cells of the limb and of the socket; a liner is a part of the one it is bonded to."""
+        socket, liner = self.cells_of("socket"), self.cells_of("liner")
+        limb = np.setdiff1d(np.arange(len(self.cells)), [*socket, *liner])
+        if np.intersect1d(self.cells[limb], self.cells[liner]).size:
+            return np.sort(np.append(limb, liner)), socket
+        return limb, np.sort(np.append(socket, liner))
+
+    @cached_property
     def gauss_area(self) -> NDArray[np.float64]:
         """Area of the reference section that each Gauss point stands for, mm^2, (n_cells, 3)."""
         return np.abs(determinant(jacobians(self.points[self.cells], GAUSS_POINTS))) / 6

@@ -48,6 +48,11 @@ SIGNED = ("shear_stress", "amp_log_strain", "shear_log_strain")
 """Components with a direction: the larger magnitude counts, with its sign."""
 
 SUMMARY_TISSUES = ("skin", "fat", "muscle", "fascia", "vessel")
+"""Soft tissues of a limb."""
+
+REPORTED = (*SUMMARY_TISSUES, "liner")
+"""What the summary has rows of, where a section has it."""
+
 SUMMARY_COLUMNS = ("tissue", "quantity", "value", "unit", "x_mm", "y_mm", "region")
 
 
@@ -304,8 +309,10 @@ class Quantities:
         return np.flatnonzero(self.fields.tissue[self.pairs.cells[:, 0]] == TISSUES.index(tissue))
 
 
-def contact_quantities(fields: SectionFields, contact: ContactLine) -> dict[str, Maximum]:
-    """Return the contact quantities of `CONTACT_UNITS`.
+def contact_quantities(
+    fields: SectionFields, contact: ContactLine, tissue: str = "skin"
+) -> dict[str, Maximum]:
+    """Return the contact quantities of `CONTACT_UNITS`, along the surface of a tissue.
 
     contact_pressure_max: largest 3 mm running mean along the skin, which drops single spikes.
     contact_pressure_mean: mean over the part of the skin in contact, by reference length.
@@ -320,7 +327,7 @@ def contact_quantities(fields: SectionFields, contact: ContactLine) -> dict[str,
     length, pressure = contact.weight_mm[touching], contact.pressure_kPa[touching]
     mean = np.average(pressure, weights=length) if touching.any() else 0.0
     share = 100 * length.sum() / contact.weight_mm.sum()
-    site = _reference_site(fields, contact.x_mm[peak], contact.y_mm[peak])
+    site = _reference_site(fields, tissue, contact.x_mm[peak], contact.y_mm[peak])
     return {
         "contact_pressure_max": Maximum(float(smooth[peak]), *site),
         "contact_pressure_mean": replace(NOWHERE, value=float(mean)),
@@ -328,9 +335,11 @@ def contact_quantities(fields: SectionFields, contact: ContactLine) -> dict[str,
     }
 
 
-def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[float, float, str]:
-    """Return reference position and region of the skin node nearest to a deformed position."""
-    inside = fields.cells_of("skin")
+def _reference_site(
+    fields: SectionFields, tissue: str, x_mm: float, y_mm: float
+) -> tuple[float, float, str]:
+    """Return reference position and region of the tissue's node nearest to a deformed position."""
+    inside = fields.cells_of(tissue)
     skin = fields.cells[inside]
     deformed = fields.deformed[skin]
     distance = np.hypot(deformed[..., 0] - x_mm, deformed[..., 1] - y_mm)
@@ -340,22 +349,27 @@ def _reference_site(fields: SectionFields, x_mm: float, y_mm: float) -> tuple[fl
 
 
 def summary(
-    quantities: Quantities, contact: ContactLine, levels: Mapping[str, Maximum] | None = None
+    quantities: Quantities,
+    contact: ContactLine,
+    levels: Mapping[str, Maximum] | None = None,
+    lining: ContactLine | None = None,
 ) -> pd.DataFrame:
     """Return the level of every quantity in every tissue, with `SUMMARY_COLUMNS`.
 
     Sites are positions in the reference section; a mean has none. Tissues that the section does
-    not have are left out.
+    not have are left out. `lining` is the contact of a liner that is bonded to the skin.
     """
     fields = quantities.fields
     rows = []
-    for tissue in SUMMARY_TISSUES:
+    for tissue in REPORTED:
         if TISSUES.index(tissue) not in fields.tissue:
             continue
         for name in reported(tissue):
             rows.append((tissue, name, UNITS[name], quantities.maximum(tissue, name)))
-        if tissue == "skin":
-            found = levels or contact_quantities(fields, contact)
+        along = {"skin": contact, "liner": lining}.get(tissue)
+        if along is not None:
+            known = levels if tissue == "skin" else None
+            found = known or contact_quantities(fields, along, tissue)
             rows += [(tissue, name, CONTACT_UNITS[name], value) for name, value in found.items()]
     return summary_table(rows)
 

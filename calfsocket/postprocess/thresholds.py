@@ -24,8 +24,8 @@ from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import (
     MEASURES,
     NOWHERE,
+    REPORTED,
     SIGNED,
-    SUMMARY_TISSUES,
     Quantities,
     summary_table,
 )
@@ -39,7 +39,7 @@ SHARE = "share_of_"
 
 @dataclass(frozen=True)
 class Threshold:
-    """A value above 0 of a quantity in one of `SUMMARY_TISSUES`."""
+    """A value above 0 of a quantity in one of `REPORTED`."""
 
     quantity: str
     """One of `THRESHOLD_UNITS`; "contact_pressure" is that on the skin."""
@@ -50,7 +50,7 @@ class Threshold:
     def __post_init__(self) -> None:
         if self.quantity not in THRESHOLD_UNITS:
             raise InputError(f"quantity is {self.quantity!r}; use {', '.join(THRESHOLD_UNITS)}")
-        tissues = ("skin",) if self.quantity == CONTACT_PRESSURE else SUMMARY_TISSUES
+        tissues = ("skin",) if self.quantity == CONTACT_PRESSURE else REPORTED
         if self.tissue not in tissues:
             raise InputError(
                 f"tissue is {self.tissue!r}; for {self.quantity} use {', '.join(tissues)}"

@@ -5,6 +5,7 @@ from typing import Any
 
 import pandas as pd
 
+from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.report import names
 from calfsocket.report.findings import Findings
 from calfsocket.report.words import number, span
@@ -61,8 +62,9 @@ class Answer:
     @property
     def pressure(self) -> pd.DataFrame:
         """Mean and largest contact pressure of each socket, kPa, and where the largest is."""
-        rows = self._rows[self._rows.quantity == "contact_pressure_max"]
-        mean = self._rows[self._rows.quantity == "contact_pressure_mean"].set_index("socket").value
+        skin = self._rows[self._rows.tissue == "skin"]  # a liner has contact, too
+        rows = skin[skin.quantity == "contact_pressure_max"]
+        mean = skin[skin.quantity == "contact_pressure_mean"].set_index("socket").value
         peaks = [_peak(self.findings, row) for row in rows.itertuples()]
         return pd.DataFrame(
             {
@@ -77,7 +79,7 @@ class Answer:
     def tissues(self) -> dict[str, list[Peak]]:
         """Largest effective stress and shear strain of each tissue."""
         found: dict[str, list[Peak]] = {}
-        for tissue in self.findings.soft_tissues:
+        for tissue in (name for name in REPORTED if name in self.findings.tissues):
             for quantity in ("effective_stress", "shear_log_strain"):
                 rows = self._rows[
                     (self._rows.tissue == tissue) & (self._rows.quantity == quantity)

@@ -9,6 +9,7 @@ import pandas as pd
 from shapely import Polygon, area, difference
 
 from calfsocket.materials.law import Law
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.tissues import TISSUES
 from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.levels import LimbLevels
@@ -114,6 +115,14 @@ class Findings:
     # --- its sockets
 
     @property
+    def liner(self) -> Liner | None:
+        """The liner of the cases that are shown one by one."""
+        table = self.study.run.settings.get("liner") if self.study.run else None
+        laws = inputs.laws(self.results) if table else {}
+        law = next((of["liner"] for of in laws.values() if "liner" in of), None)
+        return Liner(**table, law=law) if table and law else None
+
+    @property
     def socket_titles(self) -> dict[str, str]:
         """Name of each socket, with its title where it has one."""
         known = self.study.run.sockets if self.study.run else {}
@@ -198,10 +207,7 @@ class Findings:
 
 
 def _areas(fields: SectionFields) -> tuple[float, float]:
-    paths = (
-        section.limb_boundary(fields, fields.points),
-        section.boundary(fields.cells[fields.cells_of("socket")], fields.points),
-    )
+    paths = (section.boundary(fields.cells[body], fields.points) for body in fields.bodies)
     limb, socket = ([Polygon(np.asarray(ring)) for ring in each.to_polygons()] for each in paths)
     outline, cavity = max(limb, key=area), min(socket, key=area)
     outside = area(difference(outline, cavity))

@@ -31,6 +31,9 @@ SETTINGS = {
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
     "extrapolate": "extrapolation from the last two steps",
+    "thickness": "liner's thickness, mm",
+    "bonded": "liner bonded to the",
+    "undersize": "liner's undersize, share of its circumference",
 }
 """Words for settings; one that is not here keeps its name."""
 

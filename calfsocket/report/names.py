@@ -1,8 +1,8 @@
 """Names that people read, for what the files call otherwise."""
 
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+from calfsocket.postprocess.quantities import REPORTED
 
-TISSUES = {name: name for name in SUMMARY_TISSUES} | {"vessel": "vessels"}
+TISSUES = {name: name for name in REPORTED} | {"vessel": "vessels"}
 QUANTITIES = {
     "effective_stress": "effective stress",
     "shear_stress": "shear stress",

@@ -91,6 +91,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "one_design": len({record.along[0] for record in results.records.values()}) == 1,
         "several": _several(findings),
         "plane_strain": PLANE_STRAIN,
+        "liner": findings.liner,
         "answer": Answer(findings),
         "one_case": len(results) == 1,
         "one_socket": len(results.sockets) == 1,

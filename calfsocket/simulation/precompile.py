@@ -32,7 +32,9 @@ def cache_folder() -> Path:
     return Path(base) / "calfsocket" / "fenics"
 
 
-def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> None:
+def precompile(
+    comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None, linings: Iterable[Law] = ()
+) -> None:
     """Compile every form that cases need, unless that was done before (collective).
 
     Rank 0 compiles, under a lock against other processes of the same user. A form that is found
@@ -40,7 +42,8 @@ def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> Non
     thrown away; without that, dolfinx waits for it in vain.
 
     The material sets of the cases are the paper's unless given: each kind of law, and the one of
-    the skin's surface, has forms of its own.
+    the skin's surface, has forms of its own. A law of `linings` is that of a liner, whose surface
+    meets the socket as the skin's does.
     """
     folder = cache_folder()
     jit.DOLFINX_DEFAULT_JIT_OPTIONS["cache_dir"] = (folder, "calfsocket")
@@ -50,7 +53,8 @@ def precompile(comm: MPI.Comm, sets: Iterable[MaterialSet] | None = None) -> Non
         with (folder / ".lock").open("a") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             _throw_away_leftovers(folder)
-            for laws in _problems(map(MaterialSet.paper, BASE_SETS) if sets is None else sets):
+            sets = map(MaterialSet.paper, BASE_SETS) if sets is None else sets
+            for laws in [*_problems(sets), *([law] for law in linings)]:
                 kinds = folder, *map(kind, laws)
                 if kinds not in _compiled:
                     _use_all_forms(laws)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 RESULT_FILE = "result.json"
 CONTACT_FILE = "contact.csv"
+LINER_FILE = "liner_contact.csv"
 STEPS_FILE = "steps.csv"
 CURVE_FILE = "loading.csv"
 
@@ -41,10 +42,12 @@ class Result:
     fields : SectionFields
         Displacement, stress and strain of the section.
     line : ContactLine
-        Contact along the skin.
+        Contact along the skin; the traction of the liner where one is bonded to it.
     steps : DataFrame
         Load steps: step, load, converged, reason, newton_iterations, residual_N_per_mm, seconds,
         negative_modes (of the last one).
+    lining : ContactLine, optional
+        Contact of the socket along a liner that is bonded to the limb.
     states : mapping of str to Result
         State at the end of each stage of loading, by its name; this one is the donned socket.
     curve : DataFrame, optional
@@ -62,6 +65,7 @@ class Result:
     fields: SectionFields
     line: ContactLine
     steps: pd.DataFrame
+    lining: ContactLine | None = None
     states: Mapping[str, "Result"] = field(default_factory=dict)
     curve: pd.DataFrame | None = None
 
@@ -100,7 +104,7 @@ class Result:
 
     @cached_property
     def _summary(self) -> pd.DataFrame:
-        return summary(self.quantities, self.line, self.contact_levels)
+        return summary(self.quantities, self.line, self.contact_levels, self.lining)
 
     def summary(self) -> pd.DataFrame:
         """Return the largest level of every quantity in every tissue, and the contact's numbers.
@@ -151,15 +155,17 @@ class Result:
     def save(self, folder: Path | str) -> Path:
         """Write fields.vtu, contact.csv, steps.csv and result.json; return the folder.
 
-        Each state of a stage has them in a folder of its own below, and loading.csv has the curve.
-        All of them say at which load this is an equilibrium. result.json is written last: a folder
-        that has one is whole.
+        liner_contact.csv, too, where a liner is bonded to the limb; each state of a stage has them
+        in a folder of its own below, and loading.csv has the curve. All of them say at which load
+        this is an equilibrium. result.json is written last: a folder that has one is whole.
         """
         folder = Path(folder)
         load = self.checks.load
         write_fields(folder, self.quantities, load)
-        contact = self.contact.assign(load=load)
-        for name, table in ((CONTACT_FILE, contact), (STEPS_FILE, self.steps)):
+        tables = {CONTACT_FILE: self.contact.assign(load=load), STEPS_FILE: self.steps}
+        if self.lining is not None:
+            tables[LINER_FILE] = self.lining.table.assign(load=load)
+        for name, table in tables.items():
             with replacing(folder / name) as temporary:
                 table.to_csv(temporary, index=False)  # all digits
         for name, state in self.states.items():
@@ -208,7 +214,7 @@ class Result:
                 path.parent.rmdir()
 
         # result.json first: without it the rest is no result.
-        tables = (RESULT_FILE, FIELDS_FILE, CONTACT_FILE, STEPS_FILE, CURVE_FILE)
+        tables = (RESULT_FILE, FIELDS_FILE, CONTACT_FILE, STEPS_FILE, CURVE_FILE, LINER_FILE)
         for name in (*tables, PICTURE_FILE, CURVE_PICTURE):
             (Path(folder) / name).unlink(missing_ok=True)
 
@@ -220,6 +226,9 @@ class Result:
             fields = read_fields(folder)
             path = folder / CONTACT_FILE
             line = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
+            lining = None
+            if (path := folder / LINER_FILE).is_file():
+                lining = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
             path = folder / STEPS_FILE
             steps = pd.read_csv(path, float_precision="round_trip").fillna({"reason": ""})
             curve = None
@@ -232,4 +241,4 @@ class Result:
             name: cls.read(folder / name, read_json(folder / name / RESULT_FILE, CaseRecord))
             for name in record.states
         }
-        return cls(record, fields, line, steps, states, curve)
+        return cls(record, fields, line, steps, lining, states, curve)

@@ -17,6 +17,7 @@ from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import ConvergenceError, InputError, error_context, in_one_line
 from calfsocket.io.schema import nearest
 from calfsocket.materials.hencky import Hencky
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
 from calfsocket.mechanics.limb_problem import (
@@ -31,12 +32,13 @@ from calfsocket.mechanics.stages import StageStepper
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.lining import Fit, fitted
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import MeshSize, mesh_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
-from calfsocket.postprocess.extract import contact_line, section_fields
+from calfsocket.postprocess.extract import contact_line, section_fields, skin_line
 from calfsocket.postprocess.loading_curve import curve_table, in_words
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
@@ -102,6 +104,9 @@ class Simulation:
         Ranks that solve it together; by default all ranks of the program.
     placement : Placement, optional
         How the socket sits on the limb, where that is known already.
+    liner : Liner, optional
+        A layer between skin and socket, which is put on with the socket: its undersize grows with
+        the load.
     loading : Loading, optional
         Stages of loading after donning.
     donning : {"gap", "expanded"}
@@ -134,6 +139,7 @@ class Simulation:
         placement: Placement | None = None,
         loading: Loading | None = None,
         donning: Donning = "gap",
+        liner: Liner | None = None,
     ) -> None:
         for name, value, allowed in (
             ("support", support, SUPPORTS),
@@ -158,12 +164,15 @@ class Simulation:
         self.loading = loading
         if loading:
             check_loading(loading, limb, support)
+        self.liner = liner
         self.region_laws = materials.region_laws(limb.tissues)
         if wall := socket.elasticity():
             law = self.region_laws[tags.SOCKET]
             # What the wall does not say is the set's, if that is linear, too.
             base = law if isinstance(law, Hencky) else SOCKET
             self.region_laws[tags.SOCKET] = base.model_copy(update={**wall, "given": None})
+        if liner is not None:
+            self.region_laws[tags.LINER] = liner.law
 
     @cached_property
     def placement(self) -> Placement:
@@ -175,8 +184,17 @@ class Simulation:
             If it cannot be put on: one line that names the socket and the place.
         """
         return self._placement or check_placement(
-            self.socket, self.limb, self.socket.name, floating=self.support == "floating"
+            self.socket,
+            self.limb,
+            self.socket.name,
+            floating=self.support == "floating",
+            liner=self.liner,
         )
+
+    @property
+    def _fit(self) -> Fit:
+        """Curves of socket and liner around the limb."""
+        return fitted(self.limb, self.socket, self.liner)
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -189,6 +207,7 @@ class Simulation:
             added["donning"] = self.donning
         return {
             "limb": self.limb.model_dump(mode="json"),
+            **({"liner": self.liner.model_dump(mode="json")} if self.liner else {}),
             "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
             "laws": {
                 name: law.model_dump(mode="json", exclude={"given"})
@@ -242,12 +261,14 @@ class Simulation:
         monitor = monitor or Monitor()
         on_first_rank(self.comm, lambda: self.placement)
         monitor.message("mesh and set-up", 0.0, True)
-        precompile(self.comm, [self.materials])
+        precompile(self.comm, [self.materials], [self.liner.law] if self.liner else [])
         with self.phases("mesh"):
-            section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size)
+            section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner)
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
             problem = limb_problem(section, laws, self.contact, self.support, donning=self.donning)
+            if self.liner and (state := self.liner.stress_free(self._fit)):
+                problem.set_stress_free({tags.LINER: state})
             stepper = LoadStepper(
                 problem, self.steps, on_iteration=monitor.iteration, on_step=monitor.step
             )
@@ -302,15 +323,16 @@ class Simulation:
         with self.phases("checks"):
             checks = check(stepper)
         with self.phases("fields"):
-            tissues = self.limb.tissues | {tags.SOCKET: tags.SOCKET}
+            tissues = self.limb.tissues | {name: name for name in (tags.SOCKET, tags.LINER)}
             fields = section_fields(stepper.problem, tissues)
-            line = contact_line(stepper.problem)
+            line, lining = skin_line(stepper.problem), None
+            if self.liner and self.liner.bonded == "limb":
+                lining = contact_line(stepper.problem)
             if self.comm.size > 1:
-                fields, line = self.comm.bcast((fields, line), root=0)
+                fields, line, lining = self.comm.bcast((fields, line, lining), root=0)
         assert fields is not None and line is not None
-        return Result(
-            self._record(checks, start, failure), fields, line, steps_table(stepper.steps, checks)
-        )
+        record, table = self._record(checks, start, failure), steps_table(stepper.steps, checks)
+        return Result(record, fields, line, table, lining)
 
     def _load(self, donned: LoadStepper, result: Result, monitor: Monitor) -> tuple[Result, str]:
         """Go through the stages of loading; return the result with them, and why one failed."""

@@ -9,10 +9,7 @@ _LOADS = (
     "loads on the socket after donning are stages: add [[loads]] with a name and force, moment, "
     "displacement, rotation or volume"
 )
-_LINERS = (
-    "liners are not implemented: the socket's inner face touches the skin; `friction` is that of "
-    "the two"
-)
+_LINERS = "a liner has a table of its own, [liner], with thickness and law, for all sockets"
 _PRESSURES = (
     "prescribed pressures are not implemented: contact pressure is a result of the socket's shape"
 )
@@ -24,12 +21,15 @@ ABSENT = {
         ("load", "force", "forces", "weight", "body_weight", "torque", "moment"), _LOADS
     ),
     **dict.fromkeys(("shear", "shear_force", "axial", "axial_load", "displacement"), _LOADS),
-    **dict.fromkeys(("liner", "liners", "sock", "socks", "interface", "liner_thickness"), _LINERS),
+    **dict.fromkeys(("liners", "sock", "socks", "interface", "liner_thickness"), _LINERS),
     **dict.fromkeys(("pressure", "pressures", "vacuum", "suction"), _PRESSURES),
     **dict.fromkeys(("time", "times", "duration", "gait", "viscosity", "density"), _TIME),
     **dict.fromkeys(("side", "axes", "seen_from"), _OF_THE_LIMB),
 }
 """What is said of each of them."""
+
+_INSIDE = {**ABSENT, "liner": _LINERS}
+"""The same within tables."""
 
 _OF_LAWS = ("materials", "laws")
 """Tables whose keys are names of sets, tissues and regions, which may be any."""
@@ -56,5 +56,5 @@ def refuse_absent(content: Mapping[str, Any]) -> None:
         inner = {f"sockets.{name}": of for name, of in table.items()} if key == "sockets" else {}
         for place, values in (inner or {key: table}).items():
             for word in values if isinstance(values, Mapping) else ():
-                if word in ABSENT:
-                    raise InputError(f"{place}.{word}: {ABSENT[word]}")
+                if word in _INSIDE:
+                    raise InputError(f"{place}.{word}: {_INSIDE[word]}")

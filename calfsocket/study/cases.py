@@ -12,10 +12,11 @@ from mpi4py import MPI
 
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, misspelt, nearest
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
-from calfsocket.mechanics.limb_problem import SocketSupport
 from calfsocket.meshes.levels import Level, LimbLevels, Place, sections
 from calfsocket.meshes.limb import Limb
+from calfsocket.meshes.lining import Lining
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
@@ -89,6 +90,7 @@ class Case:
             steps=self.document.steps,
             comm=comm,
             placement=self.placement,
+            liner=self.document.liner,
             loading=self.document.loading,
             donning=model.donning,
         )
@@ -153,8 +155,12 @@ class Plan:
 
     @property
     def settings(self) -> dict[str, dict[str, Any]]:
-        """Tables `model` and `steps`, defaults filled in."""
-        return self.document.model_dump(mode="json", include={"model", "steps"})
+        """Tables `model`, `steps` and, if there is one, `liner`, defaults filled in."""
+        shape = dict.fromkeys(Lining.model_fields, True)
+        tables = self.document.model_dump(
+            mode="json", include={"model": True, "steps": True, "liner": shape}
+        )
+        return {name: table for name, table in tables.items() if table is not None}
 
     @cached_property
     def fingerprints(self) -> dict[str, str]:
@@ -215,7 +221,7 @@ class Planner:
             dict.fromkeys(name for each in sections(limb) for name in each.tissues)
         )
         self._documents: dict[str, Document] = {}
-        self._placements: dict[tuple[AnySocket, int, bool], Placement] = {}
+        self._placements: dict[tuple[AnySocket, int, bool, Liner | None], Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
         with error_context(path):
@@ -356,6 +362,7 @@ class Planner:
                     sockets[name] = resolved(
                         table, self._reference, self._files.outline, self._files.sections
                     )
+            _read_liner_law(content, self._files)
             self._documents[key] = checked(self._path, content, Document, origin)
         return self._documents[key]
 
@@ -384,10 +391,9 @@ class Planner:
         for section, (limb, level) in enumerate(self._sections):
             at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
-            support = document.model.socket_support
             if document.loading:
                 with error_context(self._path):
-                    check_loading(document.loading, limb, support)
+                    check_loading(document.loading, limb, document.model.socket_support)
             yield Case(
                 limb=limb,
                 socket=socket.model_copy(update={"name": name}),
@@ -395,7 +401,7 @@ class Planner:
                 document=document,
                 of=(asked.socket, asked.materials),
                 changes=dict(changes),
-                placement=self._placement(socket, asked.socket, section, support),
+                placement=self._placement(socket, asked.socket, section, document),
                 level=level,
             )
 
@@ -413,16 +419,18 @@ class Planner:
             return replace(changed, name=_joined(name, label))
 
     def _placement(
-        self, socket: AnySocket, name: str, section: int, support: SocketSupport
+        self, socket: AnySocket, name: str, section: int, document: Document
     ) -> Placement:
         """Measure how a socket sits on a section, once for each shape; refuse one that does not."""
-        floating = support == "floating"
+        floating, liner = document.model.socket_support == "floating", document.liner
         limb, level = self._sections[section]
-        key = socket.model_copy(update={"name": ""}), section, floating
+        key = socket.model_copy(update={"name": ""}), section, floating, liner
         if key not in self._placements:
             place = f"sockets.{name}" + (f": level {level.name}" if level else "")
             with error_context(self._path, place):
-                self._placements[key] = check_placement(socket, limb, floating=floating)
+                self._placements[key] = check_placement(
+                    socket, limb, floating=floating, liner=liner
+                )
         return self._placements[key]
 
     def _check_folders(self, cases: Mapping[tuple[str, str], Case]) -> None:
@@ -436,6 +444,14 @@ class Planner:
                     f"{'/'.join(case.key)} would share the folder {case.name}; "
                     "rename a socket or a material set"
                 )
+
+
+def _read_liner_law(content: Mapping[str, Any], files: Files) -> None:
+    """Put the law of a material file in the place of its name, if a liner has one."""
+    liner = content.get("liner")
+    if isinstance(liner, dict) and isinstance(law := liner.get("law"), dict):
+        if set(law) == {"file"} and isinstance(law["file"], str):
+            liner["law"] = files.law(law["file"])
 
 
 def _joined(*words: str) -> str:

@@ -11,13 +11,14 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict
 from calfsocket.io.units import SHARE, STRESS
 from calfsocket.materials.laws import OgdenForm
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
 from calfsocket.mechanics.limb_problem import Donning, SocketSupport
 from calfsocket.mechanics.loading import Loading, Stage, check_names
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
-from calfsocket.postprocess.quantities import SUMMARY_TISSUES
+from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
 from calfsocket.simulation.simulation import checked_size
 from calfsocket.study.materials import LawOrFile, MaterialSetTable
@@ -137,7 +138,7 @@ class ThresholdTable(Strict):
     """
 
     quantity: Literal[tuple(THRESHOLD_UNITS)]  # type: ignore[valid-type]
-    tissue: Literal[SUMMARY_TISSUES] = "skin"  # type: ignore[valid-type]
+    tissue: Literal[REPORTED] = "skin"  # type: ignore[valid-type]
     value: Annotated[str, Field(examples=["60 kPa", "50 %"])]
 
     @model_validator(mode="after")
@@ -177,6 +178,7 @@ class Document(Strict):
     study: StudyTable = Field(default_factory=StudyTable)
     model: ModelTable = Field(default_factory=ModelTable)
     steps: LoadSteps = Field(default_factory=LoadSteps)
+    liner: Liner | None = None
     sockets: dict[Name, SocketTable] = Field(default_factory=dict)
     materials: dict[Name, MaterialSetTable] = Field(default_factory=dict)
     laws: dict[str, LawOrFile] = Field(
@@ -201,6 +203,7 @@ class Document(Strict):
             "study": StudyTable,
             "model": ModelTable,
             "steps": LoadSteps,
+            "liner": Liner,
         }
         for place, table in tables.items():
             written = content.get(place) if place else content

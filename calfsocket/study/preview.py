@@ -11,10 +11,12 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path as Outline
 
 from calfsocket.io.files import replacing
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.levels import Place, sections
 from calfsocket.meshes.limb import limb_curves
+from calfsocket.meshes.lining import fitted
 from calfsocket.meshes.socket import AnySocket
 from calfsocket.plotting import section as drawing
 from calfsocket.study.cases import Case, Plan
@@ -43,6 +45,7 @@ def draw(plan: Plan, path: Path) -> None:
         axes = figure.add_axes((left, bottom, 1 / columns, PANEL_INCH / size[1]))
         _draw_socket(axes, plan, case)
     tissues = {tissue for limb in sections(plan.limb) for tissue in limb.tissues.values()}
+    tissues |= {"liner" for case in sockets if case.document.liner}
     _draw_legend(figure, tissues, text + 0.3)
     figure.text(
         0.02, (text - 0.05) / size[1], "\n".join(lines), va="top", family="monospace", fontsize=8,
@@ -54,9 +57,10 @@ def draw(plan: Plan, path: Path) -> None:
 
 def _different(plan: Plan) -> list[Case]:
     """Return one case for each socket, at each level of the limb."""
-    found: dict[tuple[AnySocket, Place | None], Case] = {}
+    found: dict[tuple[AnySocket, Liner | None, Place | None], Case] = {}
     for case in plan.cases:
-        found.setdefault((case.socket.model_copy(update={"name": ""}), case.place), case)
+        shape = case.socket.model_copy(update={"name": ""}), case.document.liner
+        found.setdefault((*shape, case.place), case)
     return list(found.values())[:MOST_SHOWN]
 
 
@@ -65,7 +69,8 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
     socket = case.socket
-    inner, outer = socket.faces(limb)
+    fit = fitted(limb, socket, case.document.liner)
+    inner, outer = fit.inner, fit.outer
     custom = {name for each in plan.cases for name in each.materials.regions}
     for region in limb.regions:
         outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))
@@ -81,11 +86,16 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
                 hatch="///",
                 zorder=3,
             )
-    ring, body = _path(outer, inner), _path(skin)
+    ring, body = _path(outer, fit.face), _path(fit.surface)
+    if fit.lining is not None:
+        on_limb = fit.surface is fit.lining
+        layer = _path(fit.lining, skin) if on_limb else _path(inner, fit.lining)
+        colour, above = drawing.TISSUE_COLOURS["liner"], 3.5 if on_limb else 4.5
+        drawing.draw_path(axes, layer, facecolor=colour, linewidth=0, zorder=above)
     drawing.draw_path(axes, ring, facecolor=drawing.SOCKET, alpha=0.9, linewidth=0, zorder=4)
     inside = drawing.draw_path(axes, ring, facecolor=OVERLAP, linewidth=0, zorder=5)
     inside.set_clip_path(body, axes.transData)
-    for curve in (skin, inner, outer):
+    for curve in (skin, inner, outer, *([] if fit.lining is None else [fit.lining])):
         drawing.draw_path(
             axes, _path(curve), fill=False, edgecolor=drawing.OUTLINE, linewidth=0.5, zorder=6
         )
@@ -95,13 +105,13 @@ def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     drawing.frame(axes, window)
     drawing.mark_directions(axes, window, limb.frame, fontsize=7, margin=0.5)
     drawing.scale_bar(axes, window, fontsize=7)
-    on = case.placement
+    on, met = case.placement, "liner" if fit.surface is fit.lining else "skin"
     at = f" at level {case.level.name}" if case.level else ""
     axes.set_title(
         f"{case.of[0]}{at}: wall {socket.thickness(limb):g} mm, "
         f"{100 * on.area_reduction:.2f} % less area\n"
         f"presses up to {on.largest_overlap:.2f} mm at {on.largest_angle:.0f} deg, "
-        f"on {100 * on.touching:.0f} % of the skin",
+        f"on {100 * on.touching:.0f} % of the {met}",
         fontsize=8,
         parse_math=False,
     )

@@ -13,6 +13,7 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
 from calfsocket.io.tables import remove_rows
+from calfsocket.meshes import tags
 from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
@@ -135,6 +136,8 @@ def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for case in plan.cases:
         laws = case.materials.tissue_laws() | dict(case.materials.regions)
+        if case.document.liner:
+            laws |= {tags.LINER: case.document.liner.law}
         if found.setdefault(case.materials.name, laws) != laws:
             found[case.name] = laws  # a variant changes them
     return found

@@ -37,6 +37,7 @@ SUBJECTS = (
     "element",
     "tangent",
     "exact_ring",
+    "lined_ring",
     "contact_patch",
     "hertz",
     "friction",

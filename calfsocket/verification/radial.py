@@ -12,6 +12,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from calfsocket.io.errors import CalfsocketError
 from calfsocket.materials.laws import Law
+from calfsocket.meshes import tags
 from calfsocket.verification.sampling import Array, FloatArray
 
 
@@ -60,14 +61,22 @@ class RingLaw:
     P_k = (tau_k + J p)/l_k, tau the law's isochoric Kirchhoff stress, p = K (J - 1) or J = 1.
     Stretches are extended to long doubles: bone's strains of 1e-6 have ten digits only in a double
     near 1, and its stress no more than them.
+
+    From a stress-free state G = diag(G_r, G_t) the law has l_k / G_k, and P_r = G_t Pe_r,
+    P_t = G_r Pe_t of its own stresses.
     """
 
-    def __init__(self, law: Law) -> None:
+    def __init__(self, law: Law, stress_free: tuple[float, float] = (1.0, 1.0)) -> None:
         self.law = law
+        self._G = stress_free
         self.incompressible = not np.isfinite(law.bulk_modulus)
 
     def radial_stretch(self, nominal: Array, hoop: Array) -> Array:
         """l_r at which the law has the radial nominal stress P_r, by Newton's method."""
+        G_r, G_t = self._G
+        return G_r * self._radial_stretch(nominal / G_t, hoop / G_t)
+
+    def _radial_stretch(self, nominal: Array, hoop: Array) -> Array:
         stretch = 1.0 / hoop
         if self.incompressible:
             return stretch
@@ -82,7 +91,12 @@ class RingLaw:
 
     def slopes(self, nominal: Array, hoop: Array) -> tuple[Array, Array, Array]:
         """Return l_r and P_t (MPa), and their derivatives by P_r and hoop stretch, (2, 2, n)."""
-        radial = self.radial_stretch(nominal, hoop)
+        G_r, G_t = self._G
+        radial, P_t, slopes = self._slopes(nominal / G_t, hoop / G_t)
+        return G_r * radial, G_r * P_t, G_r / G_t * slopes
+
+    def _slopes(self, nominal: Array, hoop: Array) -> tuple[Array, Array, Array]:
+        radial = self._radial_stretch(nominal, hoop)
         of_radial = np.array([np.zeros_like(hoop), -1.0 / hoop**2])
         if not self.incompressible:
             by_radial = _slope(lambda lr: self._nominal_radial(lr, hoop), radial)
@@ -95,15 +109,19 @@ class RingLaw:
 
     def cauchy(self, nominal: Array, radial: Array, hoop: Array) -> FloatArray:
         """Cauchy stress in MPa, radial, hoop and axial; (3, n)."""
+        G_r, G_t = self._G
+        nominal, radial, hoop = nominal / G_t, radial / G_r, hoop / G_t
         tau = self.law.kirchhoff(_principal(radial, hoop))
         return np.asarray((nominal * radial + tau - tau[0]) / (radial * hoop), dtype=float)
 
     def energy(self, radial: Array, hoop: Array) -> FloatArray:
         """Return the stored energy per reference volume, MPa; (n,)."""
+        G_r, G_t = self._G
+        radial, hoop = radial / G_r, hoop / G_t
         energy = self.law.energy(_principal(radial, hoop))
         if not self.incompressible:
             energy = energy + 0.5 * self.law.bulk_modulus * (radial * hoop - 1.0) ** 2
-        return np.asarray(energy, dtype=float)
+        return np.asarray(G_r * G_t * energy, dtype=float)
 
     def _nominal_radial(self, radial: Array, hoop: Array) -> Array:
         J = radial * hoop
@@ -136,7 +154,8 @@ class RadialSolution:
 
     The innermost circle is fixed; `outside` are the coefficients (a, b, c) of the condition
     a u + b P_r = c at the outermost radius. Where a ring overlaps the one before it, u has a `jump`
-    in mm, and R P_r is the same on both sides.
+    in mm, and R P_r is the same on both sides. `stress_free` has (G_r, G_t) of rings whose
+    stress-free state is not the undeformed one.
     """
 
     def __init__(
@@ -146,9 +165,14 @@ class RadialSolution:
         outside: tuple[float, float, float],
         jump: float = 0.0,
         nodes: int = NODES,
+        stress_free: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         self.rings = list(rings)
-        self.laws = {ring.name: RingLaw(laws[ring.tissue]) for ring in rings}
+        states = stress_free or {}
+        self.laws = {
+            ring.name: RingLaw(laws[ring.tissue], states.get(ring.name, (1.0, 1.0)))
+            for ring in rings
+        }
         self._nodes = -np.cos(np.linspace(0.0, np.pi, nodes))
         self._D = BarycentricInterpolator(self._nodes, np.eye(nodes)).derivative(self._nodes)
         x: FloatArray = np.zeros((len(rings), 2, nodes))  # ring, (u, P_r), node
@@ -257,18 +281,36 @@ def exact_ring(
     load: float = 1.0,
     rings: Sequence[Ring] = LIMB,
     nodes: int = NODES,
+    stress_free: Mapping[str, tuple[float, float]] | None = None,
+    lining: float = 0.0,
 ) -> ExactRing:
     """Solve the radial problem of limb and socket, whose outer face is free.
 
     The overclosure is the skin's radius minus the socket's inner radius, undeformed, in mm, the
     load the share of it that is released, 0 to 1. Friction has no part: nothing moves around.
+
+    `stress_free` has (G_r, G_t) of rings at full load, to which they grow in proportion. A liner
+    bonded to the limb is the last of the rings; one inside the socket is `lining` mm thick, and
+    what is called the socket's inner radius is then the liner's.
     """
     skin = rings[-1]
     inner = skin.outer - overclosure
-    socket = Ring(SOCKET, SOCKET, inner, inner + SOCKET_THICKNESS)
+    wall = inner + lining
+    socket = [Ring(SOCKET, SOCKET, wall, wall + SOCKET_THICKNESS)]
+    if lining:
+        socket.insert(0, Ring(tags.LINER, tags.LINER, inner, wall))
+    states = {
+        name: (1.0 + load * (G_r - 1.0), 1.0 + load * (G_t - 1.0))
+        for name, (G_r, G_t) in (stress_free or {}).items()
+    }
     # Deformed radii: inner + u_socket = skin + u_skin - (1 - load) overclosure.
     solution = RadialSolution(
-        [*rings, socket], laws, outside=(0.0, 1.0, 0.0), jump=load * overclosure, nodes=nodes
+        [*rings, *socket],
+        laws,
+        outside=(0.0, 1.0, 0.0),
+        jump=load * overclosure,
+        nodes=nodes,
+        stress_free=states,
     )
     moved, nominal = solution.at_end(skin.name)
     return ExactRing(-nominal, skin.outer + moved, solution)

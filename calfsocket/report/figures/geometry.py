@@ -47,7 +47,8 @@ def regions(findings: Findings) -> Figure:
     figure = new_figure(height)
     axes = add_axes(figure, 0, 0, size, height)
     drawing.frame(axes, window)
-    for tissue, colour in drawing.TISSUE_COLOURS.items():
+    for tissue in (*SUMMARY_TISSUES, "bone"):
+        colour = drawing.TISSUE_COLOURS[tissue]
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
     names = _by_tissue(fields)
     drawing.draw_outlines(axes, fields, points, names, linewidth=0.4, zorder=3)
@@ -67,8 +68,8 @@ def regions(findings: Findings) -> Figure:
 
 def _by_tissue(fields: SectionFields) -> list[int]:
     """Region ids of the limb, tissue by tissue, in the order of their ids."""
-    ids = [i for i in map(int, np.unique(fields.region)) if fields.region_tissues[i] != "socket"]
     order = list(drawing.TISSUE_COLOURS)
+    ids = map(int, np.unique(fields.region[fields.cells_of(*SUMMARY_TISSUES, "bone")]))
     return sorted(ids, key=lambda i: (order.index(fields.region_tissues[i]), i))
 
 
@@ -140,10 +141,13 @@ def overlays(findings: Findings) -> Figure:
 
     titles, limb = findings.socket_titles, findings.frame
     figure = panels(titles, [""], window, draw, limb, key=18.0, below=4.0)
-    tissues = drawing.key(findings.fields, bone=BONE_DARK, socket=drawing.SOCKET)
+    liner = drawing.TISSUE_COLOURS["liner"]
+    tissues = drawing.key(findings.fields, bone=BONE_DARK, liner=liner, socket=drawing.SOCKET)
     areas = [Patch(color=LIMB, label="limb"), *tissues]
     if findings.areas.overlap.any():
-        areas.append(Patch(color=OVERLAP, label="socket inside the limb: the overlap that presses"))
+        lined = " with its liner" if findings.liner else ""
+        label = f"socket inside the limb{lined}: the overlap that presses"
+        areas.append(Patch(color=OVERLAP, label=label))
     legend_at(figure, 3.0, 6.0, areas)
     return figure
 
@@ -151,11 +155,11 @@ def overlays(findings: Findings) -> Figure:
 def _draw_overlay(axes: Axes, fields: SectionFields) -> None:
     """Draw limb and socket as meshed."""
     points = fields.points
-    limb = drawing.limb_boundary(fields, points)
-    socket = drawing.boundary(fields.cells[fields.cells_of("socket")], points)
+    limb, socket = (drawing.boundary(fields.cells[body], points) for body in fields.bodies)
     drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0)
     drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK)
     drawing.draw_path(axes, socket, facecolor=drawing.SOCKET, linewidth=0)
+    drawing.draw_tissue(axes, fields, points, "liner", facecolor=drawing.TISSUE_COLOURS["liner"])
     inside = drawing.draw_path(axes, socket, facecolor=OVERLAP, linewidth=0)
     inside.set_clip_path(limb, axes.transData)
     for path in (limb, socket):
