@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from calfsocket.materials.hencky import Hencky as Hencky
     from calfsocket.materials.law import Law as Law
     from calfsocket.materials.laws import material_law as material_law
+    from calfsocket.materials.liner import Liner as Liner
     from calfsocket.materials.material_set import MaterialSet as MaterialSet
     from calfsocket.materials.ogden import Ogden as Ogden
     from calfsocket.materials.yeoh import Yeoh as Yeoh
@@ -60,6 +61,7 @@ _MODULES = {
     "Hencky": "materials.hencky",
     "Law": "materials.law",
     "material_law": "materials.laws",
+    "Liner": "materials.liner",
     "MaterialSet": "materials.material_set",
     "Ogden": "materials.ogden",
     "Yeoh": "materials.yeoh",

@@ -65,9 +65,18 @@ def hoop(undersize: float, direction: Callable[[Array], Array]) -> Callable[[Arr
 class Worn:
     """What a socket's inner face is made for: a limb, with its liner."""
 
+    limb: Limb
     skin: ClosedCurve  #: the surface that the socket meets
-    frame: Frame
-    source: Provenance | None = None
+
+    @property
+    def frame(self) -> Frame:
+        """Where lateral and anterior are."""
+        return self.limb.frame
+
+    @property
+    def source(self) -> Provenance | None:
+        """What the limb was made from."""
+        return self.limb.source
 
 
 @dataclass(frozen=True)
@@ -111,7 +120,7 @@ def fitted(limb: Limb, socket: Socket, liner: Lining | None = None) -> Fit:
         return Fit(inner, outer, None, skin, inner, skin)
     with error_context(tags.LINER):
         around = _layer(skin, liner.thickness, limb.frame, "the skin")
-    inner, outer = socket.faces(Worn(around, limb.frame, limb.source))
+    inner, outer = socket.faces(Worn(limb, around))
     if liner.bonded == "limb":
         return Fit(inner, outer, around, around, inner, skin)
     with error_context(tags.LINER):

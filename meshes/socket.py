@@ -19,9 +19,9 @@ from calfsocket.meshes.curves import Array, ClosedCurve, Points
 from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.fairing import TOLERANCE
 from calfsocket.meshes.frame import Frame
+from calfsocket.meshes.limb import Provenance
 
 if TYPE_CHECKING:
-    from calfsocket.meshes.limb import Provenance
     from calfsocket.meshes.outline import ReadOutline
 
 #: How far a socket's face may lie from the skin, mm.
@@ -46,8 +46,8 @@ class Wearer(Protocol):
         """Where lateral and anterior are."""
 
     @property
-    def source(self) -> "Provenance | None":
-        """Where the limb was made from."""
+    def source(self) -> Provenance | None:
+        """What the limb was made from."""
 
 
 class Bump(Strict):

@@ -214,8 +214,8 @@ def test_stray_voxels_and_holes_are_cleaned_and_told(tmp_path: Path) -> None:
     spoiled[2:4, 2:4, 2] = 3
     clean = read_labels(nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path))
     source = read_labels(nrrd(tmp_path / "b.nrrd", spoiled, affine), table(tmp_path))
-    assert "tibia: 4 stray voxels in 1 islands left out" in source.remarks
-    assert "tibia: 1 voxels of holes filled" in source.remarks
+    assert "limb: 4 stray voxels in 1 island left out" in source.remarks
+    assert "tibia: 1 voxel of holes filled" in source.remarks
     assert source.bones["tibia"].surface.n_points == clean.bones["tibia"].surface.n_points
 
 

@@ -32,6 +32,8 @@ _SECOND_PIECE, _STRAY = 0.2, 0.02
 _DEEP = ("muscle", "fascia", "bone")
 #: Surfaces around several regions, whose stray voxels are those of the regions.
 _AROUND = ("muscle", "below the skin")
+#: All labels together, in what is reported as cleaned.
+_LIMB = "limb"
 #: Regions of this tissue are tendons; the other fascia lies between all that is named.
 _TENDON = "tendon"
 
@@ -210,8 +212,8 @@ class _Bodies:
             self._refuse("the limb", sizes)
         if number > 1:
             others = np.delete(sizes, large)
-            self.stray["skin"], self.islands["skin"] = int(others.sum()), len(others)
-        mask = self._filled("skin", pieces == chosen + 1)
+            self.stray[_LIMB], self.islands[_LIMB] = int(others.sum()), len(others)
+        mask = self._filled(_LIMB, pieces == chosen + 1)
         self._limb, self._corner = mask, corner
         return self._contour(mask, corner)
 
@@ -254,10 +256,11 @@ class _Bodies:
         for name, number in self.stray.items():
             if number:
                 found.append(
-                    f"{name}: {number} stray voxels in {self.islands[name]} islands left out"
+                    f"{name}: {_count(number, 'stray voxel')} in"
+                    f" {_count(self.islands[name], 'island')} left out"
                 )
         found += [
-            f"{name}: {n} voxels of holes filled"
+            f"{name}: {_count(n, 'voxel')} of holes filled"
             for name, n in self.holes.items()
             if n and name not in _AROUND
         ]
@@ -314,3 +317,7 @@ class _Bodies:
         surface.points = indices @ affine[:, :3].T + affine[:, 3]
         surface.clear_data()
         return surface
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

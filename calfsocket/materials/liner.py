@@ -9,14 +9,13 @@ as the tissues of the package), E = 3 mu:
 | urethane | 100 kPa | 0.3 MPa |
 | gel | 40 kPa | 0.12 MPa |
 
-They are not fitted to anyone's curves. 0.38 MPa is the modulus that finite element studies have
-used for liners since Zhang and Roberts 2000, doi:10.1016/S1350-4533(00)00079-5. Tests of products
-order the materials, and scatter more within a material than between two of them: polyurethane and
-silicone liners are stiffer in compression and shear than those of thermoplastic gel, and all are
-essentially incompressible (Cagle, Hafner, Taflin and Sanders 2018,
-doi:10.1097/JPO.0000000000000205); gels are softer than silicone elastomers in compression, shear
-and tension (Sanders et al. 2004, doi:10.1682/JRRD.2004.02.0175). For a product, fit a law to its
-own test (`fit`).
+They are not fitted to anyone's curves. Their size is that of 0.38 MPa, which finite element studies
+have used for liners since Zhang and Roberts 2000, doi:10.1016/S1350-4533(00)00079-5. Their order is
+that of tests of products: polyurethane and silicone liners tend to be stiffer in compression and
+shear than those of thermoplastic gel, and all are essentially incompressible (Cagle, Hafner, Taflin
+and Sanders 2018, doi:10.1097/JPO.0000000000000205); gels are softer than silicone elastomers in
+compression, shear and tension, and silicone elastomers alone span a wide range (Sanders et al.
+2004, J. Rehabil. Res. Dev. 41, 175-186). For a product, fit a law to its own test (`fit`).
 """
 
 from typing import Annotated, Any

@@ -90,7 +90,8 @@ def _headings(plan: Plan) -> list[tuple[str, str, str]]:
         if quantity in CONTACT_UNITS:
             found.append((f"{quantity}_{unit}", "skin", quantity))
             continue
-        lined = ("liner",) if any(case.document.liner for case in plan.cases) else ()
+        changed = {name.split(".")[0] for case in plan.cases for name in case.changes}
+        lined = ("liner",) if plan.document.liner or "liner" in changed else ()
         tissues = ("vessel",) if quantity == "pressure" else (*SUMMARY_TISSUES, *lined)
         found += [(f"{tissue}_{quantity}_{unit}", tissue, quantity) for tissue in tissues]
     found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in plan.thresholds]
