@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from calfsocket.materials.material_set import MaterialSet as MaterialSet
     from calfsocket.materials.ogden import Ogden as Ogden
     from calfsocket.materials.yeoh import Yeoh as Yeoh
+    from calfsocket.mechanics.loading import Loading as Loading
+    from calfsocket.mechanics.loading import Stage as Stage
     from calfsocket.mechanics.stepping import LoadSteps as LoadSteps
     from calfsocket.meshes.socket import CircleBlend as CircleBlend
     from calfsocket.meshes.socket import NormalOffset as NormalOffset
@@ -63,6 +65,8 @@ _MODULES = {
     "MaterialSet": "materials.material_set",
     "Ogden": "materials.ogden",
     "Yeoh": "materials.yeoh",
+    "Loading": "mechanics.loading",
+    "Stage": "mechanics.loading",
     "LoadSteps": "mechanics.stepping",
     "Limb": "imaging.limb",
     "LimbLevels": "imaging.levels",

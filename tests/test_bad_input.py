@@ -32,6 +32,7 @@ area_reduction = "4 %"
 [materials.soft]
 fat = { law = "ogden", mu = ["1 kPa"], alpha = [26], nu = 0.495 }
 """
+STAGE = '[[loads]]\nname = "push"\n'
 TWO_LISTS = '[study]\nsockets = ["TC"]\nmaterials = ["separate"]\n'
 INCOMPRESSIBLE = "\n".join(
     f'{tissue} = {{ law = "yeoh", c10 = "1 kPa" }}'
@@ -240,10 +241,42 @@ TRIALS = (
           ("study.toml: study.side: belongs in the limb's own file",)),
     Trial("a number with a decimal comma", fat('{ law = "neo-hookean", mu = "4,5 kPa", nu = 0.4 }'),
           ("materials.soft.fat.mu: '4,5 kPa' is not a number with a unit; write e.g. \"1.2 Pa\"",)),
-    Trial("loads, which there are none of", GOOD + "[loads]\naxial = \"800 N\"\n",
-          ("study.toml: loads: loads are not implemented", "by its socket alone")),
+    Trial("loads that are no stages", GOOD + "[loads]\naxial = \"800 N\"\n",
+          ("study.toml: loads.axial: loads on the socket after donning are stages", "[[loads]]")),
+    Trial("a stage without a load", GOOD + STAGE + "steps = 3\n",
+          ("loads.0: loads nothing; give force, moment, displacement, rotation or volume",)),
+    Trial("a stage in no steps", GOOD + STAGE + 'moment = "1 N mm/mm"\nsteps = 0\n',
+          ("loads.0.steps: is 0; it must be greater than or equal to 1",)),
+    Trial("a force without its length", GOOD + STAGE + 'force.anterior = "20 N"\n',
+          ("loads.0.force.anterior: unit 'N' is unknown; use N/mm",)),
+    Trial("a force on a socket that has no frame",
+          GOOD.replace('"coarse"', '"coarse"\nsocket_support = "outer-fixed"')
+          + STAGE + 'force.anterior = "1 N/mm"\n',
+          ("loads.0 (push): a socket that is fixed at its outer face has no frame",)),
+    Trial("a force to two opposite sides",
+          GOOD + STAGE + 'force = { anterior = "1 N/mm", posterior = "1 N/mm" }\n',
+          ("loads.0: anterior and posterior: lie along one line",)),
+    Trial("moment and rotation at once",
+          GOOD + STAGE + 'moment = "1 N mm/mm"\nrotation = "1 deg"\n',
+          ("loads.0: moment and rotation: one follows from the other",)),
+    Trial("a muscle that loses all of its volume", GOOD + STAGE + 'volume.muscle = "-100 %"\n',
+          ("loads.0: volume.muscle: is -100 %; it must be more than -100 %",)),
+    Trial("a tissue that does not swell", GOOD + STAGE + 'volume.bone = "3 %"\n',
+          ("loads.0.volume.bone", "muscle")),
+    Trial("two stages of one name",
+          GOOD + 2 * (STAGE + 'moment = "1 N mm/mm"\n'),
+          ("loads: two stages have the name 'push'",)),
+    Trial("a stage named as the state before it",
+          GOOD + STAGE.replace("push", "donned") + 'moment = "1 N mm/mm"\n',
+          ("loads.0: name: 'donned' is the state before all stages",)),
+    Trial("stages without a socket",
+          '[study]\nmaterials = ["separate"]\n' + STAGE + 'moment = "1 N mm/mm"\n',
+          ("study.sockets: is empty, so there are no cases",)),
+    Trial("an unknown way to put a socket on",
+          GOOD.replace('"coarse"', '"coarse"\ndonning = "push"'),
+          ("model.donning: is 'push'; it must be 'gap' or 'expanded'",)),
     Trial("a body's weight", edited("[model]", '[model]\nweight = "80 kg"'),
-          ("study.toml: model.weight: loads are not implemented",)),
+          ("study.toml: model.weight: loads on the socket after donning are stages",)),
     Trial("a liner", socket('like = "TC"\nliner = "3 mm"'),
           ("sockets.mine.liner: a liner has a table of its own, [liner]", "thickness")),
     Trial("a liner without a thickness", GOOD + "[liner]\nlaw = \"gel\"\n",
@@ -281,11 +314,11 @@ TRIALS = (
           ("steps.time: time is not implemented", "equilibrium")),
     Trial("a sweep over loads",
           TWO_LISTS + "[sweep.grid]\nloads.axial = [1, 2]\n",
-          ("loads: loads are not implemented",)),
+          ("sweep: loads.axial: the file has no stages of loading; add [[loads]]",)),
     Trial(
         "an unknown key that is near to none",
         GOOD + "[zebra]\n",
-        ("unknown key 'zebra'; allowed: cases, laws, liner, materials",),
+        ("unknown key 'zebra'; allowed: cases, laws, liner, loads, materials",),
     ),
     Trial(
         "an unknown key of a socket",

@@ -5,10 +5,11 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
+from calfsocket.contact.expanded import CLEARANCE
 from calfsocket.contact.friction import OPEN
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.limb_problem import GUIDE_STIFFNESS, limb_problem
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes import tags
@@ -16,9 +17,7 @@ from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.friction import TurnedRing
 from calfsocket.verification.radial import RadialSolution, Ring, exact_ring
 from calfsocket.verification.release_paths import (
-    CLEARANCE,
     DAMPING,
-    GUIDE_STIFFNESS,
     StiffeningContact,
     path_problem,
 )

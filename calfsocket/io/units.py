@@ -89,7 +89,11 @@ COMPLIANCE = Dimension(
 LENGTH = Dimension("mm", ("mm", "cm", "m", "um", "inch"))
 ANGLE = Dimension("deg", ("deg", "rad"))
 SHARE = Dimension("dimensionless", ("%",))
-DIMENSIONS = (STRESS, COMPLIANCE, LENGTH, ANGLE, SHARE)
+FORCE = Dimension("N/mm", ("N/mm", "N/cm", "N/m", "kN/m"))
+"""Of each length of limb."""
+MOMENT = Dimension("N mm/mm", ("N mm/mm", "N*mm/mm", "N m/m", "N m/mm", "N cm/cm"))
+"""Of each length of limb."""
+DIMENSIONS = (STRESS, COMPLIANCE, LENGTH, ANGLE, SHARE, FORCE, MOMENT)
 
 
 def like(text: object, value: float) -> str:

@@ -331,6 +331,30 @@ class CondensedTangent:
         inside[:, 4] -= inside[:, 2] + inside[:, 3]
         y.array[self._inside] = inside
 
+    def columns(self, v: PETSc.Vec, product: PETSc.Vec) -> FloatArray:
+        """Return K v for a v of prescribed unknowns alone (collective).
+
+        Parameters
+        ----------
+        v : PETSc.Vec
+            Zero but for constrained unknowns.
+        product : PETSc.Vec
+            For what is computed on the way.
+
+        Returns
+        -------
+        (n,) float
+            Owned values. Rows of constrained unknowns, which `mult` does not have, are those of
+            the tissues: contact has no part in them.
+        """
+        assert self._columns_of_prescribed is not None
+        CondensedTangent.mult(self, None, v, product)  # without a border
+        values = np.array(product.array_r)
+        rows = self._columns_of_prescribed.own_rows(v.array_r, self._invertible(), self.coupling)
+        at = np.flatnonzero(self._constrained[: len(values)])
+        values[at] = rows[at]
+        return values
+
     def _invertible(self) -> FloatArray:
         """K_ii^-1 with 1 in the place of a constant pressure that is outside."""
         blocks = self.inverse.copy()
@@ -420,7 +444,8 @@ class _PrescribedColumns:
         dofs = V.dofmap.list[:n_cells, _DISPLACEMENTS]
         self.cells = np.flatnonzero(constrained[dofs].any(axis=1))
         self.unknowns, self._constrained = dofs[self.cells], constrained
-        self._vector = la.vector(V.dofmap.index_map)
+        self._index_map = V.dofmap.index_map
+        self._vector = la.vector(self._index_map)
         self._positions = np.full((n_cells, OUTSIDE, OUTSIDE), -1, dtype=np.int32)
         shape = (len(self.cells), OUTSIDE, OUTSIDE)
         self._matrices = np.zeros(shape)
@@ -451,6 +476,20 @@ class _PrescribedColumns:
         change = factor * np.einsum("nij,nj->ni", self._matrices[:, :, :-1], self._in_cells(v))
         rows = numbers[self.cells]
         np.add.at(values, rows[rows >= 0], change[rows >= 0])
+
+    def own_rows(self, v: FloatArray, inverse: FloatArray, coupling: FloatArray) -> FloatArray:
+        """Return K_cc v_c at the owned unknowns, zero where not constrained (collective).
+
+        In a cell, K_cc = S_cc + K_ci K_ii^-1 K_ic, and K_ci K_ii^-1 is the transpose of `coupling`.
+        """
+        cells, moved = self.inside(v, coupling)
+        inner = np.linalg.solve(inverse[cells], moved[:, :, None])[:, :, 0]
+        rows = np.einsum("nij,nj->ni", self._matrices[:, :-1, :-1], self._in_cells(v))
+        rows += np.einsum("nij,ni->nj", coupling[cells][:, :, :-1], inner)
+        found, there = la.vector(self._index_map), self._constrained[self.unknowns]
+        np.add.at(found.array, self.unknowns[there], rows[there])
+        found.scatter_reverse(la.InsertMode.add)
+        return np.array(found.array[: len(v)])
 
     def inside(self, v: FloatArray, coupling: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
         """Cells, and K_ii^-1 K_ic v_c in them (collective); (k, 5)."""

@@ -393,7 +393,7 @@ def _most_negative_mode(newton: Newton, problem: Problem, factor: PETSc.PC) -> F
     values, turn = np.linalg.eigh(projected, "U")
     if values[0] >= 0.0:
         return None
-    mode = np.zeros(newton.x.getLocalSize())
+    mode = np.zeros(problem.V.dofmap.index_map.size_local)
     mode[unknowns] = turn[:, 0] @ basis[:LANCZOS]
     return mode
 
@@ -461,7 +461,8 @@ def _contact_of_points(problem: Problem) -> NDArray[np.int64]:
 def _rigid_motion(problem: Problem, x: PETSc.Vec, before: PETSc.Vec) -> Motion:
     """Return the socket's motion from one vector of unknowns to another (collective)."""
     difference = fem.Function(problem.V)
-    difference.x.array[: x.getLocalSize()] = x.array_r - before.array_r
+    owned = problem.V.dofmap.index_map.size_local
+    difference.x.array[:owned] = (x.array_r - before.array_r)[:owned]
     difference.x.scatter_forward()
     socket, everything = problem.body([tags.SOCKET]), problem.body()
     moved = difference.x.array[socket.dofs]

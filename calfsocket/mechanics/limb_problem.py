@@ -5,6 +5,7 @@ from typing import Literal, get_args
 
 from mpi4py import MPI
 
+from calfsocket.contact.expanded import ExpandedSocket
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Law
@@ -17,6 +18,13 @@ from calfsocket.meshes.distributed import SectionMesh
 SocketSupport = Literal["floating", "outer-fixed"]
 SUPPORTS: tuple[SocketSupport, ...] = get_args(SocketSupport)
 
+Donning = Literal["gap", "expanded"]
+DONNINGS: tuple[Donning, ...] = get_args(Donning)
+
+GUIDE_STIFFNESS = 1e-5
+"""Foundation in N/mm^3 of a floating socket that does not touch the limb yet; it fades out with the
+load."""
+
 SUPPORT_STIFFNESS = 1e-7
 """Foundation of a floating socket in N/mm^3, only where no friction stops it from turning."""
 
@@ -28,6 +36,7 @@ def limb_problem(
     support: SocketSupport = "floating",
     interface: Callable[..., ContactInterface] = ContactInterface,
     fading: Mapping[str, float] | None = None,
+    donning: Donning = "gap",
 ) -> Problem:
     """Make the problem of a limb in a socket (collective).
 
@@ -51,8 +60,13 @@ def limb_problem(
         gaps in proportion.
     fading : mapping of region name to float, optional
         Stiffness of an elastic foundation that fades out with the load, N/mm^3.
+    donning : {"gap", "expanded"}
+        Whether gaps are closed in proportion, or the socket starts wide, is moved over the limb and
+        let go; the latter has an interface and a foundation of its own.
     """
     contact = contact or Contact()
+    if donning == "expanded":
+        interface, fading = ExpandedSocket, {tags.SOCKET: GUIDE_STIFFNESS}
     constraints = [Constraint(tags.TIBIA_MEDULLARY)]
     if support == "outer-fixed":
         constraints.append(Constraint(tags.SOCKET_OUTER))

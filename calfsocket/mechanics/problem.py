@@ -23,6 +23,7 @@ from calfsocket.mechanics.bodies import Body
 from calfsocket.mechanics.condensation import CondensedTangent
 from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
 from calfsocket.mechanics.foundation import Foundation, FoundationTerm
+from calfsocket.mechanics.frame import COMPONENTS, BorderedTangent, RigidFrame
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.quality import determinant
@@ -83,6 +84,8 @@ class Problem:
         Values of all local unknowns at full load; those of constrained ones count.
     foundation : FoundationTerm or None
         The foundation.
+    frame : RigidFrame or None
+        A rigid frame that carries a boundary.
     """
 
     def __init__(
@@ -115,6 +118,7 @@ class Problem:
         self._contact: ContactInterface | None = None
         if contact is not None:
             self._contact = contact.kind(self.w, section, laws, self.fields, contact)
+        self.frame: RigidFrame | None = None
         self._load = 0.0
 
     @property
@@ -180,6 +184,18 @@ class Problem:
         # A new mapping: callers keep the earlier one to go back to it.
         self.region_laws = {**self.region_laws, **laws}
 
+    def carry(self, boundary: str) -> RigidFrame:
+        """Let a rigid frame carry a boundary from now on, as it is (collective).
+
+        Vectors and matrices then have its three unknowns, so that Newton's method must be made
+        anew.
+        """
+        self.frame = frame = RigidFrame(self.V, self.section, boundary, self.w.x.array)
+        owned = self.V.dofmap.index_map.size_local
+        self._constrained[frame.dofs] = True
+        self.constrained = np.flatnonzero(self._constrained[:owned])
+        return frame
+
     # -- history of friction --------------------------------------------------------------------
 
     @property
@@ -211,26 +227,34 @@ class Problem:
 
     def create_vector(self) -> PETSc.Vec:
         """Return a vector of unknowns, zero, without ghosts (collective)."""
-        index_map = self.V.dofmap.index_map
-        x = PETSc.Vec().createMPI((index_map.size_local, index_map.size_global), comm=self.comm)
+        x = PETSc.Vec().createMPI(self._size, comm=self.comm)
         x.set(0.0)
         return x
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        """Unknowns of this rank and of all."""
+        index_map = self.V.dofmap.index_map
+        mine, every = (self.frame.extra, COMPONENTS) if self.frame else (0, 0)
+        return index_map.size_local + mine, index_map.size_global + every
 
     def create_matrix(self) -> PETSc.Mat:
         """Return the tangent as a matrix of PETSc's that also solves (collective).
 
         Its Python context is the `CondensedTangent`; its values are those of the last `tangent`.
         """
-        index_map = self.V.dofmap.index_map
-        size = (index_map.size_local, index_map.size_global)
-        condensed = CondensedTangent(
-            self.V,
-            self._tissues,
-            self._constrained,
-            self._keeps_constant(),
-            self._contact,
-            self._has_values,
+        parts: dict[str, Any] = {
+            "tissues": self._tissues,
+            "constrained": self._constrained,
+            "keeps_constant": self._keeps_constant(),
+            "contact": self._contact,
+        }
+        condensed = (
+            BorderedTangent(self.frame, self.V, **parts)
+            if self.frame
+            else CondensedTangent(self.V, **parts, prescribed=self._has_values)
         )
+        size = self._size
         return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
 
     def _keeps_constant(self) -> NDArray[np.bool_]:
@@ -248,9 +272,12 @@ class Problem:
             f.set(np.nan)
             return
         self._assemble_residual(x)
-        self._b.copy(f)
+        b, values = self._b.array_r, f.array
+        values[: len(b)] = b
         at = self.constrained
-        f.array[at] = x.array_r[at] - self._load * self.prescribed[at]
+        values[at] = x.array_r[at] - self._load * self.prescribed[at]
+        if self.frame is not None:
+            self.frame.add_to(values, x.array_r, b)
 
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
@@ -258,6 +285,9 @@ class Problem:
         condensed = A.getPythonContext()
         condensed.keep(self._keeps_constant())
         condensed.assemble(self._contact.tangent() if self._contact is not None else None)
+        if self.frame is not None:
+            self._assemble_residual(x)  # its forces turn with it
+            condensed.assemble_border(self._b.array_r)
         A.assemble()
 
     def stability(self, x: PETSc.Vec, A: PETSc.Mat) -> tuple[PETSc.Mat, int]:
@@ -274,14 +304,21 @@ class Problem:
     def set_unknowns(self, x: PETSc.Vec) -> None:
         """Copy a vector into `w`, ghosts included (collective)."""
         owned = self.V.dofmap.index_map.size_local
-        self.w.x.array[:owned] = x.array_r
+        self.w.x.array[:owned] = x.array_r[:owned]
         self.w.x.scatter_forward()
+        if self.frame is not None:
+            self.frame.take(x)
 
     # -- what a converged state shows -----------------------------------------------------------
 
     def body(self, regions: Sequence[str] | None = None) -> Body:
         """Return the displacement unknowns of regions, or of all (collective)."""
         return Body.of(self.V, self.section, list(self.section.regions if not regions else regions))
+
+    @property
+    def bodies_residual(self) -> FloatArray:
+        """Owned values of the last residual, with the forces that hold constrained unknowns."""
+        return np.array(self._b.array_r)
 
     def reaction(self, boundary: str) -> tuple[FloatArray, float]:
         """Force and torque that hold a constrained boundary, at the last residual (collective).

@@ -31,6 +31,22 @@ def friction(results: Results) -> list[float]:
     return sorted({float(value) for value in each if value is not None})
 
 
+DONNING = {
+    "gap": "donned by closing the gaps in proportion",
+    "expanded": "donned wide, moved over the limb and let go",
+}
+"""Words for the way in which a socket is put on."""
+
+
+def donning(results: Results) -> list[str]:
+    """Return in words how the sockets were put on, each once; empty without a study."""
+    if results.run is None:
+        return []
+    common = settings(results).get("donning", "gap")  # the only way of earlier versions
+    each = [record.changes.get("model.donning", common) for record in results.records.values()]
+    return [DONNING[value] for value in dict.fromkeys(each) if value in DONNING]
+
+
 def laws(results: Results) -> Laws:
     """Return the laws of every material set of the study, of variants by the base's names."""
     if results.run is None:

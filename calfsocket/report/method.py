@@ -17,6 +17,7 @@ from calfsocket.simulation.results import KEY, Results
 SETTINGS = {
     "size": "mesh size",
     "socket_support": "socket support",
+    "donning": "donning",
     "fascia_c10": "fascia's C10",
     "ogden_form": "Ogden form",
     "friction": "friction coefficient",
@@ -73,7 +74,12 @@ def settings(findings: Findings) -> dict[str, Any]:
     return found
 
 
-FIRST = {"size": "mesh size", "socket_support": "socket", "friction": "friction"}
+FIRST = {
+    "size": "mesh size",
+    "socket_support": "socket",
+    "friction": "friction",
+    "donning": "donning",
+}
 """What a reader wants to know of the settings first, and its words."""
 
 
@@ -100,7 +106,7 @@ def warnings(results: Results) -> list[str]:
 
 def stopped(record: CaseRecord) -> str:
     """Return at which load a case has failed; empty where it reached none."""
-    failed = record.status == "failed" and record.load
+    failed = record.status == "failed" and record.load and record.load < 1.0
     return f"stopped at load {record.load:.3g} of 1" if failed else ""
 
 

@@ -15,6 +15,7 @@ from calfsocket.report import along, method, names, variants
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, in_words, spread
 from calfsocket.report.words import TOGETHER, number
+from calfsocket.simulation.result import STATE
 from calfsocket.simulation.results import KEY, Results
 
 SWEEP_FILE = "sweep.csv"
@@ -30,6 +31,7 @@ def tables(findings: Findings) -> dict[str, Table]:
         maxima(results),
         thresholds(results),
         damage(findings.damage),
+        states(results),
         *variants.tables(findings.study),
         *method.tables(findings),
     )
@@ -74,6 +76,22 @@ def maxima(results: Results) -> Table:
     shown = in_words(data[data.quantity.isin((*UNITS, *CONTACT_UNITS))])
     shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
     return _by_case("maxima", data, shown, ["quantity"], shown.value.map(number))
+
+
+def states(results: Results) -> Table:
+    """Largest values of every case in each state of its stages of loading."""
+    data = results.states
+    if data.empty:
+        return Table("states", data, data)
+    shown = in_words(data[data.quantity.isin((*UNITS, *CONTACT_UNITS))])
+    shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
+    cells = spread(
+        shown,
+        ["tissue", "quantity"],
+        ["socket", "material_set", STATE],
+        shown.value.map(number),
+    )
+    return Table("states", data, cells)
 
 
 def thresholds(results: Results) -> Table:

@@ -15,6 +15,7 @@ from calfsocket.report.answer import MOST_LISTED, MOST_NAMED, Answer
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.figures import figures, maps
 from calfsocket.report.findings import Findings
+from calfsocket.report.loads import Loads
 from calfsocket.report.page import Page
 from calfsocket.report.table import Table
 from calfsocket.report.tables import tables
@@ -100,6 +101,8 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "settings": method.in_words(findings, method.FIRST),
         "axes": _axes(findings),
         "friction": any(inputs.friction(study)),
+        "donning": " or ".join(inputs.donning(study)),
+        "loading": Loads(results),
         "options": [f"{key} {value}" for key, value in run.petsc_options.items()] if run else [],
         "stress": maps.EFFECTIVE_STRESS,
         "strain": maps.SHEAR_STRAIN,

@@ -4,11 +4,12 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, checked, read_text
 from calfsocket.materials.laws import AnyLaw
+from calfsocket.mechanics.loading import DONNED
 from calfsocket.meshes.frame import Direction, Frame
 from calfsocket.meshes.levels import LimbLevels, Place
 from calfsocket.meshes.limb import Limb
@@ -84,6 +85,21 @@ class Checks(Strict):
         return tuple(found)
 
 
+class StateRecord(Strict):
+    """A state after a stage of loading.
+
+    Attributes
+    ----------
+    stage : str
+        Name of the stage.
+    limit : str
+        Which force the limb in its socket could not bear, in words; empty where it bore all.
+    """
+
+    stage: str
+    limit: str = ""
+
+
 class CaseRecord(Strict):
     """A case in run.json, and in the result.json of its folder.
 
@@ -118,6 +134,10 @@ class CaseRecord(Strict):
         SHA-256 of its files and table rows; None where one is missing.
     traceback : tuple of str
         Of an error that the package did not raise itself.
+    state : StateRecord, optional
+        The stage of loading that it is the end of; None for the donned socket.
+    states : tuple of str
+        Names of the stages that have come to their end.
     """
 
     socket: str
@@ -135,6 +155,16 @@ class CaseRecord(Strict):
     checks: Checks | None = None
     files: dict[str, str | None] = Field(default_factory=dict)
     traceback: tuple[str, ...] = ()
+    state: StateRecord | None = None
+    states: tuple[str, ...] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_stages(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave stages out where there are none."""
+        found: dict[str, Any] = write(self)
+        return {
+            key: value for key, value in found.items() if value or key not in ("state", "states")
+        }
 
     @property
     def name(self) -> str:
@@ -184,6 +214,11 @@ class CaseRecord(Strict):
     def warnings(self) -> tuple[str, ...]:
         """Checks that its result does not pass."""
         return self.checks.warnings if self.checks else ()
+
+    @property
+    def state_name(self) -> str:
+        """Name of the state in tables."""
+        return self.state.stage if self.state else DONNED
 
 
 class StudySource(Strict):

@@ -1,6 +1,8 @@
 """What the solution of one case is: its fields and contact, its record, its files."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +25,10 @@ RESULT_FILE = "result.json"
 CONTACT_FILE = "contact.csv"
 LINER_FILE = "liner_contact.csv"
 STEPS_FILE = "steps.csv"
+CURVE_FILE = "loading.csv"
+
+STATE = "state"
+"""Column of tables, where a case has stages of loading."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +48,12 @@ class Result:
         negative_modes (of the last one).
     lining : ContactLine, optional
         Contact of the socket along a liner that is bonded to the limb.
+    states : mapping of str to Result
+        State at the end of each stage of loading, by its name; this one is the donned socket.
+    curve : DataFrame, optional
+        Every equilibrium of the stages: stage, force, moment, displacement and rotation of the
+        socket, changes of volume, share of the contact that slips, work of friction and of the
+        loads (N mm for each mm of limb length, since the socket was donned).
 
     Examples
     --------
@@ -54,6 +66,8 @@ class Result:
     line: ContactLine
     steps: pd.DataFrame
     lining: ContactLine | None = None
+    states: Mapping[str, "Result"] = field(default_factory=dict)
+    curve: pd.DataFrame | None = None
 
     @property
     def solved(self) -> bool:
@@ -103,25 +117,46 @@ class Result:
         """
         return self._summary.copy()
 
+    def of_states(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
+        """Return a table of the case; with a column `state` where it has stages of loading."""
+        if not self.states:
+            return table(self)
+        parts = []
+        for each in (self, *self.states.values()):
+            rows = table(each).copy()
+            rows.insert(0, STATE, each.record.state_name)
+            parts.append(rows)
+        return pd.concat(parts, ignore_index=True)
+
     def plot(self) -> "Figure":
         """Draw the deformed section with its effective stress and the contact pressure around."""
         from calfsocket.plotting import case  # half a second, which solving may do without
 
         title = case.case_title(*self.record.key)
+        if self.record.state:
+            title += f", {self.record.state.stage}"
         if not self.solved:
             title += f", stopped at load {self.checks.load:.3f}"
         return case.draw(self.quantities, self.line, title, self.record.frame)
 
     def draw(self, folder: Path | str) -> Path:
-        """Write the picture of `plot` as picture.png into a folder; return its path."""
-        from calfsocket.plotting import case
+        """Write the picture of `plot` as picture.png into a folder; return its path.
 
+        Those of states are in their folders; loading.png has the curves of the stages.
+        """
+        from calfsocket.plotting import case, loading
+
+        for name, state in self.states.items():
+            state.draw(Path(folder) / name)
+        if self.curve is not None:
+            loading.save(loading.draw(self.curve), Path(folder))
         return case.save(self.plot(), Path(folder))
 
     def save(self, folder: Path | str) -> Path:
         """Write fields.vtu, contact.csv, steps.csv and result.json; return the folder.
 
-        liner_contact.csv, too, where a liner is bonded to the limb. All of them say at which load
+        liner_contact.csv, too, where a liner is bonded to the limb; each state of a stage has them
+        in a folder of its own below, and loading.csv has the curve. All of them say at which load
         this is an equilibrium. result.json is written last: a folder that has one is whole.
         """
         folder = Path(folder)
@@ -133,6 +168,12 @@ class Result:
         for name, table in tables.items():
             with replacing(folder / name) as temporary:
                 table.to_csv(temporary, index=False)  # all digits
+        for name, state in self.states.items():
+            (folder / name).mkdir(exist_ok=True)
+            state.save(folder / name)
+        if self.curve is not None:
+            with replacing(folder / CURVE_FILE) as temporary:
+                self.curve.to_csv(temporary, index=False)
         write_json(folder / RESULT_FILE, self.record.model_dump(mode="json"))
         return folder
 
@@ -165,16 +206,16 @@ class Result:
     def remove(folder: Path | str) -> None:
         """Remove what `save` and `draw` wrote; other files stay."""
         from calfsocket.plotting.case import PICTURE_FILE
+        from calfsocket.plotting.loading import CURVE_PICTURE
+
+        for path in Path(folder).glob(f"*/{RESULT_FILE}"):
+            Result.remove(path.parent)
+            with suppress(OSError):  # it holds something else
+                path.parent.rmdir()
 
         # result.json first: without it the rest is no result.
-        for name in (
-            RESULT_FILE,
-            FIELDS_FILE,
-            CONTACT_FILE,
-            LINER_FILE,
-            STEPS_FILE,
-            PICTURE_FILE,
-        ):
+        tables = (RESULT_FILE, FIELDS_FILE, CONTACT_FILE, STEPS_FILE, CURVE_FILE, LINER_FILE)
+        for name in (*tables, PICTURE_FILE, CURVE_PICTURE):
             (Path(folder) / name).unlink(missing_ok=True)
 
     @classmethod
@@ -190,6 +231,14 @@ class Result:
                 lining = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
             path = folder / STEPS_FILE
             steps = pd.read_csv(path, float_precision="round_trip").fillna({"reason": ""})
+            curve = None
+            if record.states:
+                path = folder / CURVE_FILE
+                curve = pd.read_csv(path, float_precision="round_trip")
         except (OSError, ValueError, KeyError) as error:
             raise InputError(f"{path}: cannot be read ({error}); solve the case again") from None
-        return cls(record, fields, line, steps, lining)
+        states = {
+            name: cls.read(folder / name, read_json(folder / name / RESULT_FILE, CaseRecord))
+            for name in record.states
+        }
+        return cls(record, fields, line, steps, lining, states, curve)

@@ -11,12 +11,13 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.schema import nearest, read_json
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.mechanics.loading import DONNED
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
 from calfsocket.postprocess.pressure_map import PressureMap
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
-from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STEPS_FILE, Result
+from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
 
 SUMMARY_FILE = "summary.csv"
 WORST_FILE = "worst_levels.csv"
@@ -92,12 +93,22 @@ class Results(Mapping[Key, Result]):
 
     @cached_property
     def summary(self) -> pd.DataFrame:
-        """Rows of summary.csv of all cases; computed from their fields where there is none."""
+        """Rows of summary.csv of all donned sockets; computed where there is none."""
         return self._table(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
 
     @cached_property
+    def states(self) -> pd.DataFrame:
+        """Rows of summary.csv in every state, with a column `state`; empty without stages."""
+        parts = [
+            of_case(result.of_states(Result.summary), result.record, key)
+            for key, result in self.items()
+            if result.states
+        ]
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    @cached_property
     def contact(self) -> pd.DataFrame:
-        """Rows of contact.csv of all cases."""
+        """Rows of contact.csv of all donned sockets."""
         return self._table(CONTACT_FILE, lambda result: result.contact, CONTACT_COLUMNS)
 
     @cached_property
@@ -216,6 +227,9 @@ class Results(Mapping[Key, Result]):
             else:
                 mine = (whole.socket == record.socket) & (whole.material_set == record.material_set)
                 rows = whole[mine].drop(columns=list(record.columns), errors="ignore")
+                if STATE in rows:
+                    rows = rows[rows[STATE].isin([DONNED]) | rows[STATE].isna()]
+                    rows = rows.drop(columns=STATE)
                 if rows.empty:
                     raise InputError(
                         f"{path}: has no rows of {record.name}, which is solved according to "

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
@@ -13,13 +14,21 @@ import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
-from calfsocket.io.errors import ConvergenceError, InputError, in_one_line
+from calfsocket.io.errors import ConvergenceError, InputError, error_context, in_one_line
 from calfsocket.io.schema import nearest
 from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
-from calfsocket.mechanics.limb_problem import SUPPORTS, SocketSupport, limb_problem
+from calfsocket.mechanics.limb_problem import (
+    DONNINGS,
+    SUPPORTS,
+    Donning,
+    SocketSupport,
+    limb_problem,
+)
+from calfsocket.mechanics.loading import Loading
+from calfsocket.mechanics.stages import StageStepper
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
@@ -30,10 +39,11 @@ from calfsocket.meshes.sizing import MeshSize, mesh_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.extract import contact_line, section_fields, skin_line
+from calfsocket.postprocess.loading_curve import curve_table, in_words
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import Phases, Profile
-from calfsocket.simulation.record import CaseRecord, Checks
+from calfsocket.simulation.record import CaseRecord, Checks, StateRecord
 from calfsocket.simulation.result import Result
 
 STEP_COLUMNS = {
@@ -46,6 +56,10 @@ STEP_COLUMNS = {
     "seconds": "seconds",
 }
 """Columns of load steps, and where a `LoadStep` has their values."""
+
+
+LARGEST_EXPANDED = 0.05
+"""Largest load step of an expanded socket: it touches the skin point by point."""
 
 
 class Monitor:
@@ -93,6 +107,12 @@ class Simulation:
     liner : Liner, optional
         A layer between skin and socket, which is put on with the socket: its undersize grows with
         the load.
+    loading : Loading, optional
+        Stages of loading after donning.
+    donning : {"gap", "expanded"}
+        Whether the gaps are closed in proportion, or the socket starts wide, is moved over the limb
+        and let go. Shear and the stress of the skin depend on it. An expanded socket takes load
+        steps of at most `LARGEST_EXPANDED`, without extrapolation.
 
     Raises
     ------
@@ -117,10 +137,16 @@ class Simulation:
         steps: LoadSteps | None = None,
         comm: MPI.Intracomm | None = None,
         placement: Placement | None = None,
+        loading: Loading | None = None,
+        donning: Donning = "gap",
         liner: Liner | None = None,
     ) -> None:
-        if support not in SUPPORTS:
-            raise InputError(f"support: is '{support}'; {nearest(str(support), SUPPORTS)}")
+        for name, value, allowed in (
+            ("support", support, SUPPORTS),
+            ("donning", donning, DONNINGS),
+        ):
+            if value not in allowed:
+                raise InputError(f"{name}: is '{value}'; {nearest(str(value), allowed)}")
         self.limb, self.socket, self.materials = limb, socket, materials
         self.mesh_size = checked_size(mesh_size)
         self.contact = contact or Contact()
@@ -129,9 +155,15 @@ class Simulation:
         if self.steps.extrapolate is None:
             combined = materials.base == "combined"
             self.steps = self.steps.model_copy(update={"extrapolate": combined})
+        self.donning = donning
+        if donning == "expanded":
+            self.steps = expanded_steps(self.steps)
         self.comm = MPI.COMM_WORLD if comm is None else comm
         self.phases = Phases()
         self._placement = placement
+        self.loading = loading
+        if loading:
+            check_loading(loading, limb, support)
         self.liner = liner
         self.region_laws = materials.region_laws(limb.tissues)
         if wall := socket.elasticity():
@@ -167,6 +199,12 @@ class Simulation:
     @property
     def inputs(self) -> dict[str, Any]:
         """All that the result depends on, except versions and PETSc's options, as JSON."""
+        # What is as by default is left out, so that earlier results keep their fingerprints.
+        added: dict[str, Any] = {}
+        if self.loading:
+            added["loading"] = self.loading.model_dump(mode="json")
+        if self.donning != "gap":
+            added["donning"] = self.donning
         return {
             "limb": self.limb.model_dump(mode="json"),
             **({"liner": self.liner.model_dump(mode="json")} if self.liner else {}),
@@ -179,6 +217,7 @@ class Simulation:
             "contact": self.contact.model_dump(mode="json"),
             "support": self.support,
             "steps": self.steps.model_dump(mode="json"),
+            **added,
         }
 
     @property
@@ -209,14 +248,15 @@ class Simulation:
         Returns
         -------
         Result
-            The state at full load, on every rank.
+            The state at full load, with those of the stages of loading, on every rank.
 
         Raises
         ------
         InputError
             If the socket cannot be put on the limb, or the geometry cannot be meshed.
         ConvergenceError
-            If the full load is not reached; its `result` holds the last equilibrium.
+            If the full load, or the end of a stage, is not reached; its `result` holds the last
+            equilibrium. A force that the limb cannot bear is a result, and no error.
         """
         monitor = monitor or Monitor()
         on_first_rank(self.comm, lambda: self.placement)
@@ -226,7 +266,7 @@ class Simulation:
             section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner)
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
-            problem = limb_problem(section, laws, self.contact, self.support)
+            problem = limb_problem(section, laws, self.contact, self.support, donning=self.donning)
             if self.liner and (state := self.liner.stress_free(self._fit)):
                 problem.set_stress_free({tags.LINER: state})
             stepper = LoadStepper(
@@ -244,6 +284,8 @@ class Simulation:
         if profile:
             profile.stop()
         result = self.result(stepper, start, failure)
+        if self.loading and not failure:
+            result, failure = self._load(stepper, result, monitor)
         if failure:
             raise ConvergenceError(failure, result)
         return result
@@ -289,7 +331,58 @@ class Simulation:
             if self.comm.size > 1:
                 fields, line, lining = self.comm.bcast((fields, line, lining), root=0)
         assert fields is not None and line is not None
-        record = CaseRecord(
+        record, table = self._record(checks, start, failure), steps_table(stepper.steps, checks)
+        return Result(record, fields, line, table, lining)
+
+    def _load(self, donned: LoadStepper, result: Result, monitor: Monitor) -> tuple[Result, str]:
+        """Go through the stages of loading; return the result with them, and why one failed."""
+        loading, frame = self.loading, self.limb.frame
+        assert loading is not None
+        steps: list[LoadStep] = []
+
+        def on_step(step: LoadStep) -> None:
+            steps.append(step)
+            how = "" if step.newton.converged else f"failed ({step.newton.reason}) after "
+            text = (
+                f"stage {name}, {100 * step.load:.0f} %: {how}{step.newton.iterations} iterations"
+            )
+            monitor.message(text, donned.problem.load, True)
+
+        with self.phases("stages"):
+            stages = StageStepper(
+                donned,
+                frame,
+                self.limb.tissues,
+                loading.moves_socket,
+                lambda _, number, norm: monitor.iteration(1.0, number, norm),
+                on_step,
+            )
+        states, failure = dict[str, Result](), ""
+        for stage in loading.stages:
+            name = stage.name
+            steps.clear()
+            try:
+                with self.phases("stages"):
+                    limit = stages.run(stage)
+            except ConvergenceError as error:
+                failure = f"stage {name}: {error}"
+                break
+            stages.stepper.steps = list(steps)
+            state = self.result(stages.stepper)
+            reached = StateRecord(stage=name, limit=in_words(limit, frame) if limit else "")
+            if limit:
+                monitor.message(f"stage {name}: {reached.limit}", 1.0, True)
+            record = state.record.model_copy(update={"state": reached})
+            states[name] = replace(state, record=record)
+        record = result.record.model_copy(update={"states": tuple(states), "message": failure})
+        if failure:
+            record = record.model_copy(update={"status": "failed"})
+        return replace(
+            result, record=record, states=states, curve=curve_table(stages.points, frame)
+        ), failure
+
+    def _record(self, checks: Checks, start: Milestone | None, failure: str) -> CaseRecord:
+        return CaseRecord(
             socket=self.socket.name,
             material_set=self.materials.name,
             of=(self.socket.name, self.materials.name),
@@ -302,7 +395,38 @@ class Simulation:
             seconds=self.phases.seconds,
             checks=checks,
         )
-        return Result(record, fields, line, steps_table(stepper.steps, checks), lining)
+
+
+def expanded_steps(steps: LoadSteps) -> LoadSteps:
+    """Return load steps that an expanded socket may take."""
+    largest = min(steps.largest, LARGEST_EXPANDED)
+    sizes = {
+        "first": min(steps.first, largest),
+        "largest": largest,
+        "smallest": min(steps.smallest, largest),
+    }
+    return steps.model_copy(update={**sizes, "extrapolate": False})
+
+
+def check_loading(loading: Loading, limb: Limb, support: SocketSupport) -> None:
+    """Check that stages of loading can act on a limb in a socket.
+
+    Raises
+    ------
+    InputError
+        If a fixed socket would be loaded, a side is not known, or the limb has no such tissue.
+    """
+    for number, stage in enumerate(loading.stages):
+        with error_context(f"loads.{number} ({stage.name})"):
+            if stage.moves_socket and support == "outer-fixed":
+                raise InputError(
+                    "a socket that is fixed at its outer face has no frame to be loaded or moved "
+                    "by; choose support floating, or change volumes alone"
+                )
+            stage.targets(limb.frame)
+            for tissue in stage.tissue_volumes:
+                if tissue not in limb.tissues.values() and tissue in stage.volume:
+                    raise InputError(f"volume.{tissue}: the limb has no {tissue}; remove it")
 
 
 def checked_size(size: str | int | MeshSize) -> MeshSize:

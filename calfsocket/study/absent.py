@@ -6,7 +6,8 @@ from typing import Any
 from calfsocket.io.errors import InputError
 
 _LOADS = (
-    "loads are not implemented: a limb is loaded by its socket alone, and held at `fixed_boundary`"
+    "loads on the socket after donning are stages: add [[loads]] with a name and force, moment, "
+    "displacement, rotation or volume"
 )
 _LINERS = "a liner has a table of its own, [liner], with thickness and law, for all sockets"
 _PRESSURES = (
@@ -17,7 +18,7 @@ _OF_THE_LIMB = "belongs in the limb's own file, which `limb` in the table [study
 
 ABSENT = {
     **dict.fromkeys(
-        ("load", "loads", "force", "forces", "weight", "body_weight", "torque", "moment"), _LOADS
+        ("load", "force", "forces", "weight", "body_weight", "torque", "moment"), _LOADS
     ),
     **dict.fromkeys(("shear", "shear_force", "axial", "axial_load", "displacement"), _LOADS),
     **dict.fromkeys(("liners", "sock", "socks", "interface", "liner_thickness"), _LINERS),

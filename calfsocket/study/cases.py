@@ -21,7 +21,7 @@ from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
-from calfsocket.simulation.simulation import Simulation
+from calfsocket.simulation.simulation import Simulation, check_loading
 from calfsocket.study import sweep
 from calfsocket.study.absent import refuse_absent
 from calfsocket.study.document import Document
@@ -91,6 +91,8 @@ class Case:
             comm=comm,
             placement=self.placement,
             liner=self.document.liner,
+            loading=self.document.loading,
+            donning=model.donning,
         )
 
 
@@ -389,6 +391,9 @@ class Planner:
         for section, (limb, level) in enumerate(self._sections):
             at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
+            if document.loading:
+                with error_context(self._path):
+                    check_loading(document.loading, limb, document.model.socket_support)
             yield Case(
                 limb=limb,
                 socket=socket.model_copy(update={"name": name}),

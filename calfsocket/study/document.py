@@ -14,7 +14,8 @@ from calfsocket.materials.laws import OgdenForm
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
-from calfsocket.mechanics.limb_problem import SocketSupport
+from calfsocket.mechanics.limb_problem import Donning, SocketSupport
+from calfsocket.mechanics.loading import Loading, Stage, check_names
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import REPORTED
@@ -96,6 +97,9 @@ class ModelTable(Contact):
         Mesh: coarse, medium or paper, or the number of triangles.
     socket_support : str
         Whether the socket rests on the limb alone or is fixed at its outer face.
+    donning : str
+        How the socket is put on: gap closes the gaps in proportion; expanded starts with a wide
+        socket, moves it over the limb and lets it go. Shear and skin stress depend on it.
     fascia_c10 : str
         C10 of fascia: 4.91 MPa as printed, or 0.491 MPa, which the paper's tables need.
     ogden_form : str
@@ -104,6 +108,7 @@ class ModelTable(Contact):
 
     size: str | Annotated[int, Field(strict=True)] = "paper"
     socket_support: SocketSupport = "floating"
+    donning: Donning = "gap"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
 
@@ -181,6 +186,10 @@ class Document(Strict):
         description="laws of tissues in the place of Table 1's, in every material set",
     )
     thresholds: tuple[ThresholdTable, ...] = ()
+    loads: Annotated[
+        tuple[Stage, ...],
+        Field(description="stages of loading after donning, one after the other"),
+    ] = ()
     cases: tuple[CaseTable, ...] = ()
     sweep: Sweep | None = None
 
@@ -204,6 +213,17 @@ class Document(Strict):
                     where = f"the table [{homes[0]}]" if homes[0] else "a table of its own"
                     raise ValueError(f"{place}{place and '.'}{key}: belongs in {where}; move it")
         return data
+
+    @field_validator("loads")
+    @classmethod
+    def _names_differ(cls, value: tuple[Stage, ...]) -> tuple[Stage, ...]:
+        check_names(value)
+        return value
+
+    @property
+    def loading(self) -> Loading | None:
+        """The stages of loading, if there are any."""
+        return Loading(stages=self.loads) if self.loads else None
 
     @field_validator("sockets")
     @classmethod

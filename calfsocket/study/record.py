@@ -26,7 +26,8 @@ from calfsocket.study.sweep import flat
 from calfsocket.study.sweep_table import SWEEP_FILE
 
 CASES_FILE = "cases.csv"
-FILES = (*restart.CASE_TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
+TABLES = (*restart.CASE_TABLES, *restart.STAGE_TABLES)
+FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
 """Files of a study beside its cases' folders."""
 
 log = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ class Recorder:
         )
         records = {case.name: case.record for case in self.to_solve}
         # A case that is solved again has no results until it reaches its full load again.
-        for table in restart.CASE_TABLES:
+        for table in TABLES:
             remove_rows(out / table, KEY, {case.key for case in self.to_solve})
         self._record = StudyRecord(
             **now,
@@ -78,7 +79,7 @@ class Recorder:
         known = earlier.get(case.name)
         if known is None or not known.solved:
             return False
-        why = restart.damage(known.files, restart.digests(self._out, case.key))
+        why = restart.damage(known.files, restart.digests(self._out, case.key, known.states))
         log.info("%s: %s", case.name, why or "already solved; kept")
         return not why
 

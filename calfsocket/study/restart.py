@@ -1,7 +1,7 @@
 """What a run that was stopped has left in its folder, and which of it is kept."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.vtu import FIELDS_FILE
 from calfsocket.simulation.record import StudyRecord, read_run
+from calfsocket.simulation.result import CURVE_FILE
 from calfsocket.simulation.results import KEY, Key
 
 CASE_FILES = (FIELDS_FILE, "contact.csv")
@@ -18,17 +19,23 @@ CASE_FILES = (FIELDS_FILE, "contact.csv")
 CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
 """Tables in which a case has rows of its own."""
 
+STAGE_TABLES = (CURVE_FILE,)
+"""Such tables of cases with stages of loading."""
 
-def digests(out: Path, key: Key) -> dict[str, str | None]:
+
+def digests(out: Path, key: Key, states: Sequence[str] = ()) -> dict[str, str | None]:
     """SHA-256 by file: of a case's own, and of its rows in the tables that cases share.
+
+    `states` are the names of its states after stages of loading.
 
     None for a file that is missing or cannot be read.
     """
     found: dict[str, str | None] = {}
-    for file in CASE_FILES:
+    own = [*CASE_FILES, *(f"{state}/{file}" for state in states for file in CASE_FILES)]
+    for file in own:
         name = f"{'_'.join(key)}/{file}"
         found[name] = _digest((out / name).read_bytes()) if (out / name).is_file() else None
-    for table in CASE_TABLES:
+    for table in (*CASE_TABLES, *(STAGE_TABLES if states else ())):
         try:
             rows = pd.read_csv(out / table, dtype=str, keep_default_na=False)
             for column, value in zip(KEY, key, strict=True):

@@ -30,7 +30,7 @@ from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.profile import PROFILE_FILE, Phases, Profile
 from calfsocket.simulation.record import CaseRecord
-from calfsocket.simulation.result import Result
+from calfsocket.simulation.result import CURVE_FILE, Result
 from calfsocket.simulation.results import KEY, of_case
 from calfsocket.simulation.simulation import Monitor, Simulation, reported, steps_table
 from calfsocket.study.cases import Case, Plan
@@ -161,7 +161,7 @@ class _CaseRunner(Monitor):
         record = result.record
         how = "solved" if record.solved else f"stopped, {record.message}"
         self.message("; ".join([how, *record.warnings]), record.load, True)
-        files = digests(study.out, case.key) if self._is_root else {}
+        files = digests(study.out, case.key, record.states) if self._is_root else {}
         return record.model_copy(update={"seconds": simulation.phases.seconds, "files": files})
 
     # -- what it writes -------------------------------------------------------------------------
@@ -180,11 +180,17 @@ class _CaseRunner(Monitor):
 
     def _write_results(self, result: Result, phases: Phases) -> None:
         with phases("quantities"):
-            shares = shares_beyond(result.quantities, result.line, self._study.plan.thresholds)
-            summary = pd.concat([result.summary(), shares]) if len(shares) else result.summary()
+            summary = result.of_states(self._summary)
         with phases("files"):
-            self._merge("contact.csv", result.contact)
+            self._merge("contact.csv", result.of_states(lambda state: state.contact))
             self._merge("summary.csv", summary)
+            if result.curve is not None:
+                self._merge(CURVE_FILE, result.curve)
+
+    def _summary(self, state: Result) -> pd.DataFrame:
+        """Return the rows of a state in summary.csv."""
+        shares = shares_beyond(state.quantities, state.line, self._study.plan.thresholds)
+        return pd.concat([state.summary(), shares]) if len(shares) else state.summary()
 
     def _merge(self, name: str, rows: pd.DataFrame) -> None:
         """Put the case's rows into a table that all cases share."""

@@ -18,7 +18,7 @@ from calfsocket.study.names import Name
 Changes = Mapping[str, Any]
 """Dotted name of a parameter -> value as the file has it."""
 
-MAY_CHANGE = ("model", "liner", "steps", "sockets", "materials", "laws")
+MAY_CHANGE = ("model", "liner", "steps", "sockets", "materials", "laws", "loads")
 LONGEST_LABEL = 80
 LONGEST_WORD = 24
 MOST_POINTS = 1000
@@ -135,6 +135,8 @@ def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
             known = content.get(first, {})
             hint = nearest(rest[0], known) if known else f"add a table [{first}.{rest[0]}]"
             raise InputError(f"{name}: the file does not define '{rest[0]}'; {hint}")
+        if first == "loads" and "loads" not in changed:
+            raise InputError(f"{name}: the file has no stages of loading; add [[loads]]")
         place: Any = changed.setdefault(first, {})
         *way, last = rest
         for part in way:

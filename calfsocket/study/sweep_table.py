@@ -9,8 +9,10 @@ import pandas as pd
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.mechanics.loading import DONNED
 from calfsocket.postprocess.quantities import CONTACT_UNITS, SUMMARY_TISSUES, UNITS
 from calfsocket.simulation.record import CaseRecord
+from calfsocket.simulation.result import STATE
 from calfsocket.simulation.results import KEY
 from calfsocket.study.cases import Plan
 
@@ -32,6 +34,7 @@ def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
 def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) -> pd.DataFrame:
     """Return one row a case: names, parameters, results (empty until it is solved) and status.
 
+    Results of the donned socket, and of the state after each stage of loading under its name.
     A parameter that does not reach a case is empty.
     """
     cases = [records[case.name] for case in plan.cases if case.name in records]
@@ -40,11 +43,16 @@ def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) 
         heading, values = column(name, [case.changes.get(name) for case in cases])
         for row, value in zip(rows, values, strict=True):
             row[heading] = value
-    key = [*KEY, "tissue", "quantity"]
+    key = [*KEY, "tissue", "quantity", STATE]
+    if STATE not in summary:
+        summary = summary.assign(**{STATE: DONNED})
     results = {} if summary.empty else summary.set_index(key)["value"].to_dict()
-    for heading, tissue, quantity in _headings(plan):
-        for row, case in zip(rows, cases, strict=True):
-            row[heading] = results.get((*case.key, tissue, quantity))
+    states = dict.fromkeys([DONNED, *(summary[STATE] if len(summary) else [])])
+    for state in states:
+        for heading, tissue, quantity in _headings(plan):
+            in_state = heading if state == DONNED else f"{heading}_{state}"
+            for row, case in zip(rows, cases, strict=True):
+                row[in_state] = results.get((*case.key, tissue, quantity, state))
     for row, case in zip(rows, cases, strict=True):
         row["status"] = case.status
     return pd.DataFrame(rows)
@@ -82,7 +90,8 @@ def _headings(plan: Plan) -> list[tuple[str, str, str]]:
         if quantity in CONTACT_UNITS:
             found.append((f"{quantity}_{unit}", "skin", quantity))
             continue
-        lined = ("liner",) if any(case.document.liner for case in plan.cases) else ()
+        changed = {name.split(".")[0] for case in plan.cases for name in case.changes}
+        lined = ("liner",) if plan.document.liner or "liner" in changed else ()
         tissues = ("vessel",) if quantity == "pressure" else (*SUMMARY_TISSUES, *lined)
         found += [(f"{tissue}_{quantity}_{unit}", tissue, quantity) for tissue in tissues]
     found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in plan.thresholds]

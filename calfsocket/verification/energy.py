@@ -11,12 +11,13 @@ from dolfinx import fem, mesh
 
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.projection import shape_functions
+from calfsocket.contact.resultants import Slid
 from calfsocket.forms import mixed
 from calfsocket.mechanics.kernels.library import JIT_OPTIONS
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep
 from calfsocket.meshes import tags
-from calfsocket.verification.sampling import FloatArray, Slid
+from calfsocket.verification.sampling import FloatArray
 
 PARTS = ("load", "work", "limb", "socket", "friction", "lever", "penetration")
 

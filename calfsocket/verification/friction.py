@@ -9,6 +9,7 @@ import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
+from calfsocket.contact.resultants import Slid
 from calfsocket.materials.laws import Hencky, Law
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
@@ -17,7 +18,7 @@ from calfsocket.meshes.rings import ring_mesh
 from calfsocket.verification.problems import prescribed_supports
 from calfsocket.verification.radial import RadialSolution, Ring
 from calfsocket.verification.report import LOG, Check, Section, check_each, curves
-from calfsocket.verification.sampling import Slid, skin_mean, worst
+from calfsocket.verification.sampling import skin_mean, worst
 
 TORSION = "axisymmetric torsion, layer by layer: u_t = A r + B/r"
 LAME = "radial solution, Lame's at small strain"

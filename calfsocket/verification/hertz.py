@@ -14,13 +14,14 @@ from mpi4py import MPI
 
 from calfsocket.contact.friction import STICK
 from calfsocket.contact.parameters import Contact
+from calfsocket.contact.resultants import Slid
 from calfsocket.materials.laws import Hencky
 from calfsocket.mechanics.prescribed_motion import PrescribedMotion
 from calfsocket.meshes import tags
 from calfsocket.meshes.disc import DiscInCavity
 from calfsocket.verification.problems import prescribed_supports
 from calfsocket.verification.report import LOG, Curve, Section, check_each, curves
-from calfsocket.verification.sampling import Array, FloatArray, Slid, deviation, edge_means
+from calfsocket.verification.sampling import Array, FloatArray, deviation, edge_means
 
 JOHNSON = "Johnson 1985, section 4.2"
 CATTANEO = "Cattaneo 1938, Mindlin 1949; Johnson 1985, section 7.2"

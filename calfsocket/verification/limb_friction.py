@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from calfsocket.contact.friction import SLIP
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.parameters import Contact
+from calfsocket.contact.resultants import Slid
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps
 from calfsocket.postprocess.contact_line import ContactLine, running_mean
 from calfsocket.postprocess.extract import KILOPASCAL
@@ -17,7 +18,7 @@ from calfsocket.simulation.result import Result
 from calfsocket.verification.limb_runs import largest_distance, mean_pressure, one_case, value
 from calfsocket.verification.release_paths import path_problem
 from calfsocket.verification.report import Check, Draw, Section, check_each, curves
-from calfsocket.verification.sampling import FloatArray, Slid
+from calfsocket.verification.sampling import FloatArray
 
 
 @dataclass(frozen=True)

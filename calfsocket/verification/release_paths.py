@@ -5,22 +5,20 @@ A socket that is too small can be let go in more than one way, and friction reme
 - ``closed``: the gaps are closed in proportion, the study's way (`ContactInterface`);
 - ``stiffened``: the whole overclosure is there at once, and contact stiffens (`StiffeningContact`);
 - ``shrunk``: the socket starts swollen and clear of the limb, and shrinks to its size, stress free,
-  until it would fit no limb; true contact and friction from the first touch (`ShrinkingContact`).
+  until it would fit no limb; true contact and friction from the first touch (`ExpandedSocket`).
 
 All three run from load 0 to load 1 under the program's own `LoadStepper`.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-from mpi4py import MPI
-from scipy.optimize import brentq
 
+from calfsocket.contact.expanded import ExpandedSocket, WholeOverclosure
 from calfsocket.contact.interface import ContactInterface
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.law import Law
-from calfsocket.mechanics.limb_problem import SocketSupport, limb_problem
+from calfsocket.mechanics.limb_problem import GUIDE_STIFFNESS, SocketSupport, limb_problem
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
@@ -28,14 +26,6 @@ from calfsocket.verification.sampling import FloatArray
 
 FOUNDATION = 1e-2
 """Contact stiffness at half the load in MPa/mm, above the limb's own."""
-
-
-class WholeOverclosure(ContactInterface):
-    """Contact in which nothing is taken off the gaps."""
-
-    def closing(self) -> FloatArray:
-        """No part of the gaps, in mm; (n,)."""
-        return np.zeros(len(self.points.weight))
 
 
 class StiffeningContact(WholeOverclosure):
@@ -116,66 +106,6 @@ class StiffeningContact(WholeOverclosure):
         return np.asarray(-self._shear / stiffness)
 
 
-CLEARANCE = 0.1
-"""Smallest distance of the swollen socket from the limb, mm."""
-
-GUIDE_STIFFNESS = 1e-5
-"""Foundation in N/mm^3 of a floating socket that does not touch the limb yet; it fades out with the
-load."""
-
-
-class ShrinkingContact(WholeOverclosure):
-    """True contact with a socket whose stress-free shape is larger until the load is 1.
-
-    The socket's undeformed nodes lie at c + (1 + s (1 - load)) (X - c), c the middle of its inner
-    face and s, the `swelling`, such that it is clear of the limb by `CLEARANCE` at load 0. Its
-    displacement counts from there; arc lengths along it, and so slip, are those at load 1.
-    """
-
-    swelling = 0.0
-    _centre: FloatArray = np.zeros(2)
-
-    def __init__(self, w: Any, section: SectionMesh, *arguments: Any) -> None:
-        super().__init__(w, section, *arguments)
-        cells = section.cell_tags.find(section.regions[tags.SOCKET])
-        self._centre = self.chain.reference[:, 2].mean(axis=0)
-        self._nodes = np.unique(section.mesh.geometry.dofmap[cells])
-        self._unswollen = section.mesh.geometry.x[self._nodes, :2].copy()
-        if self._smallest_gap(0.0) < CLEARANCE:
-            self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
-        self.load = 0.0
-        self.converged_arc = self._earlier_arc = self.state().projection.arc
-
-    @property
-    def load(self) -> float:
-        """Share of the swelling that is gone, 0 to 1."""
-        return self._load
-
-    @load.setter
-    def load(self, load: float) -> None:
-        self._load = load
-        if self.swelling:
-            self._set_size(self.swelling * (1.0 - load))
-
-    def socket_displacement(self) -> FloatArray:
-        """Displacement of the nodes of the chain from their places at load 1, mm."""
-        swollen = self.swelling * (1.0 - self.load) * (self.chain.reference - self._centre)
-        return super().socket_displacement() + swollen
-
-    def _set_size(self, swelling: float) -> None:
-        """Move this rank's socket nodes to where they lie without stress."""
-        self._mesh.geometry.x[self._nodes, :2] = self._unswollen + swelling * (
-            self._unswollen - self._centre
-        )
-
-    def _smallest_gap(self, swelling: float) -> float:
-        """Smallest gap to a swollen socket in mm (collective)."""
-        position = self.deformed_points()
-        at = self.chain.project(position, swelling * (self.chain.reference - self._centre))
-        gap = np.sum((position - at.point) * at.normal, axis=1)
-        return float(self.comm.allreduce(gap.min(initial=np.inf), op=MPI.MIN))
-
-
 DAMPING = 3e-5
 """Drag on the stiffened path: force per volume and way of a step, N/mm^3 per mm; it fades out with
 the load. A limb whose fascia buckles may snap: there is no equilibrium near the last one then. With
@@ -184,7 +114,7 @@ the drag there is, and the limb moves on over the next steps."""
 PATHS: dict[str, type[ContactInterface]] = {
     "closed": ContactInterface,
     "stiffened": StiffeningContact,
-    "shrunk": ShrinkingContact,
+    "shrunk": ExpandedSocket,
 }
 
 

@@ -12,7 +12,6 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.contact.interface import ContactInterface
-from calfsocket.contact.nitsche import ContactState
 from calfsocket.materials.fields import LawFields
 from calfsocket.meshes.distributed import SectionMesh
 
@@ -72,22 +71,6 @@ def skin_mean(contact: ContactInterface, values: FloatArray) -> float:
 def largest(comm: MPI.Comm, values: FloatArray) -> float:
     """Largest of the values of all ranks (collective)."""
     return float(comm.allreduce(values.max(initial=-np.inf), op=MPI.MAX))
-
-
-@dataclass(frozen=True)
-class Slid:
-    """What friction does between two states, on one rank."""
-
-    slip: FloatArray  #: (n,) slip of each skin point on the socket, mm
-    work: FloatArray  #: (n,) work of friction there with the later shear, -q slip, N/mm
-
-    @classmethod
-    def between(
-        cls, contact: ContactInterface, before: ContactState, after: ContactState
-    ) -> "Slid":
-        """Compare two states of an interface."""
-        slip = contact.chain.slip(after.projection.arc, before.projection.arc)
-        return cls(slip, -after.traction.shear * slip)
 
 
 def deviation(values: FloatArray, exact: FloatArray, weight: FloatArray) -> float:

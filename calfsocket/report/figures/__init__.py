@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from calfsocket.plotting import loading
 from calfsocket.report import along
 from calfsocket.report.figures import geometry, maps, pressure
 from calfsocket.report.findings import Findings
@@ -11,7 +12,13 @@ from calfsocket.report.findings import Findings
 
 def figures(findings: Findings) -> dict[str, Callable[[], Figure]]:
     """Return the figures of a study by name, not yet drawn."""
+    loads = {
+        f"loading_{number}": lambda curve=result.curve: loading.draw(curve)  # type: ignore[misc]
+        for number, result in enumerate(findings.results.values())
+        if result.curve is not None
+    }
     return {
+        **loads,
         **along.figures(findings),
         "regions": lambda: geometry.regions(findings),
         "overlays": lambda: geometry.overlays(findings),

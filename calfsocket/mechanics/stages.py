@@ -1,0 +1,446 @@
+"""Follows a limb in its donned socket through stages of loading, and finds what it cannot bear."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from calfsocket.contact.friction import SLIP
+from calfsocket.contact.nitsche import ContactState
+from calfsocket.contact.resultants import Resultants, Slid, resultants
+from calfsocket.io.errors import ConvergenceError
+from calfsocket.mechanics.frame import COMPONENTS, FREE, Control, RigidFrame
+from calfsocket.mechanics.loading import Stage, Targets
+from calfsocket.mechanics.problem import Problem
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
+from calfsocket.meshes import tags
+from calfsocket.meshes.frame import Frame
+
+FloatArray = NDArray[np.float64]
+
+SMALLEST = 0.02
+"""Smallest step, as a share of a stage's."""
+
+LONGEST_WAY = 0.05
+"""Way of a whole force by the tangent at most, over the frame's radius: a socket that nothing but
+its shape keeps from turning has next to no stiffness."""
+
+SHORTEST = 1e-3
+"""Smallest step of a prescribed way, as a share of a stage's step by the tangent."""
+
+CUTBACK, GROWTH, FEW_ITERATIONS = 0.4, 1.5, 8
+"""Factors on steps of a prescribed way: after a failure, and after few iterations."""
+
+LIMIT = 1e-3
+"""Relative rise of the force over the last part of the way below which it has come to its limit."""
+
+LAST_PART = 0.2
+"""Share of the way gone that the last part of it is, over which `LIMIT` counts."""
+
+MOST_STEPS = 200
+"""Steps along a prescribed way."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """An equilibrium on the way through the stages.
+
+    Attributes
+    ----------
+    stage : str
+        Name of the stage that leads here.
+    force : (3,) float
+        Force on the socket along x and y, N/mm, and moment, N mm/mm.
+    place : (3,) float
+        Its translation, mm, and rotation, rad, since it was donned.
+    volume : mapping of str to float
+        Change of volume by tissue, as a share.
+    pressing : float
+        Integral of contact pressure over the skin, N/mm.
+    slipping : float
+        Share of the skin in contact that slips, by length.
+    dissipated : float
+        Work of friction since the socket was donned, N mm/mm.
+    applied : float
+        Work of force and moment since then, N mm/mm: of their means in each step.
+    iterations : int
+        Newton iterations of the step.
+    imbalance : float
+        Largest force out of balance of the limb and of the socket, moments over the skin's mean
+        distance from the origin, as a share of `pressing`.
+    """
+
+    stage: str
+    force: FloatArray
+    place: FloatArray
+    volume: Mapping[str, float]
+    pressing: float
+    slipping: float
+    dissipated: float
+    applied: float
+    iterations: int
+    imbalance: float
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A force that the limb in its socket cannot bear.
+
+    Attributes
+    ----------
+    stage : str
+        The stage.
+    force : (3,) float
+        The largest force along that of the stage, N/mm, and moment, N mm/mm.
+    asked : (3,) float
+        What the stage asked for.
+    """
+
+    stage: str
+    force: FloatArray
+    asked: FloatArray
+
+
+class StageStepper:
+    """Leads a donned problem through stages of loading.
+
+    Parameters
+    ----------
+    donned : LoadStepper
+        That has brought the load to 1.
+    axes : Frame
+        Where lateral and anterior are.
+    tissues : mapping of region name to str
+        Tissue of each region, for changes of volume.
+    carried : bool
+        Whether a rigid frame carries the socket's outer face from now on.
+    on_iteration, on_step : callable, optional
+        As of `LoadStepper`; the load is the share of the way to the stage's values.
+
+    Attributes
+    ----------
+    problem : Problem
+        In its last equilibrium.
+    stepper : LoadStepper
+        Brings it through each way.
+    points : list of Point
+        All equilibria, the donned one first.
+    limits : list of Limit
+        Those found.
+    """
+
+    def __init__(
+        self,
+        donned: LoadStepper,
+        axes: Frame,
+        tissues: Mapping[str, str] | None = None,
+        carried: bool = True,
+        on_iteration: Callable[[float, int, float], None] | None = None,
+        on_step: Callable[[LoadStep], None] | None = None,
+    ) -> None:
+        self.problem: Problem = donned.problem
+        self._axes, self._tissues = axes, dict(tissues or {})
+        state = self.problem.contact.state()
+        if carried:
+            self.problem.carry(tags.SOCKET_OUTER)
+        self.stepper = LoadStepper(
+            self.problem, (1.0,), on_iteration, on_step, on_milestone=self._arrive
+        )
+        unknowns = donned.newton.x.array_r
+        self.x.array[: len(unknowns)] = unknowns
+        self._held = np.zeros(COMPONENTS, dtype=bool)
+        self._force, self._place = np.zeros((2, COMPONENTS))
+        self._volume: dict[str, float] = {}
+        self._state = state
+        self._stage = ""
+        self.points: list[Point] = []
+        self.limits: list[Limit] = []
+        self.problem.residual(self.x, self.x.duplicate())
+        if self.frame is not None:
+            # Where the outer face is fixed already, a force holds it.
+            self._force = self.frame.force(self.problem.bodies_residual)
+            self.frame.control = replace(FREE, force=self._force)
+            self._compliance = self._compliances()
+        self.points.append(self._point(state, 0))
+
+    @property
+    def x(self) -> PETSc.Vec:
+        """Unknowns of the last equilibrium."""
+        return self.stepper.newton.x
+
+    @property
+    def frame(self) -> RigidFrame | None:
+        """The frame, if there is one."""
+        return self.problem.frame
+
+    def run(self, stage: Stage) -> Limit | None:
+        """Go through a stage; return the last limit that its forces came to, if any (collective).
+
+        Raises
+        ------
+        ConvergenceError
+            If there is no equilibrium on the way, and that is not for a limit of the force. The
+            problem then holds the last one.
+        """
+        self._stage = stage.name
+        found = None
+        for targets in legs(stage, self._axes):
+            found = self._go(targets, stage.steps) or found
+        return found
+
+    # -- one way ----------------------------------------------------------------------------------
+
+    def _go(self, targets: Targets, steps: int) -> Limit | None:
+        """Go to the targets in steps, as far as possible."""
+        held, volume = self._held.copy(), dict(self._volume)
+        force, place = self._force, self._place
+        end_force, end_place = force.copy(), place.copy()
+        for component, value in targets.force.items():
+            held[component], end_force[component] = False, value
+        for component, value in targets.place.items():
+            held[component], end_place[component] = True, value
+        end_volume = {**volume, **targets.volume}
+
+        def set_share(share: float) -> None:
+            self._set_volume(
+                {
+                    tissue: volume.get(tissue, 0.0) + share * (end - volume.get(tissue, 0.0))
+                    for tissue, end in end_volume.items()
+                }
+            )
+            if self.frame is not None:
+                self.frame.control = Control.of(
+                    held, force + share * (end_force - force), place + share * (end_place - place)
+                )
+
+        limit = None
+        if targets.place or targets.volume or np.array_equal(force, end_force):
+            size = 1.0 / steps
+            self._run(LoadSteps(first=size, largest=size, smallest=SMALLEST * size), set_share)
+        else:
+            try:
+                self._run([(k + 1) / steps for k in range(steps)], set_share)
+            except ConvergenceError:
+                limit = self._along(held, force, end_force, end_place, 1.0 / steps)
+        self._held = held
+        self._force, self._place = self.points[-1].force, self.points[-1].place
+        if limit is None:  # what is prescribed is so to the last digit
+            self._force = np.where(held, self._force, end_force)
+            self._place = np.where(held, end_place, self._place)
+        return limit
+
+    def _set_volume(self, changes: Mapping[str, float]) -> None:
+        """Give the regions of tissues a volume without stress that has changed by a share."""
+        self._volume = dict(changes)
+        states = {
+            region: 1.0 + changes[tissue]
+            for region, tissue in self._tissues.items()
+            if tissue in changes
+        }
+        if states:
+            self.problem.set_stress_free(states)
+
+    def _run(
+        self, control: LoadSteps | Sequence[float], set_share: Callable[[float], None]
+    ) -> None:
+        """Run the stepper over one way."""
+        stepper, problem = self.stepper, self.problem
+        stepper.control = control
+        first = control.first if isinstance(control, LoadSteps) else 1.0
+        here = Milestone(0.0, 0.0, first, self.x, self.x, problem.slip_history)
+        stepper.run(here, lambda before, after: set_share(after))
+
+    def _along(
+        self,
+        held: NDArray[np.bool_],
+        force: FloatArray,
+        end_force: FloatArray,
+        end_place: FloatArray,
+        step: float,
+    ) -> Limit | None:
+        """Prescribe the way along the force, until that is reached or rises no more (collective).
+
+        Each step goes on by a share of the way that the donned socket's tangent has for the whole
+        force; it grows where Newton's method finds it easy.
+        """
+        frame = self.frame
+        assert frame is not None
+        change = np.where(held, 0.0, frame.scale * (end_force - force))
+        size = float(np.linalg.norm(change))
+        unit = change / size
+
+        def along(values: FloatArray) -> float:
+            return float(unit @ values)
+
+        way = min(abs(along(self._compliance @ change)), LONGEST_WAY * frame.radius)
+        origin = along(frame.place / frame.scale)
+
+        def share() -> float:
+            return along(frame.scale * (self.points[-1].force - force)) / size
+
+        shares, ways = [share()], [0.0]
+        whole = Control.of(held, end_force, end_place)
+        advance = step * way
+        for _ in range(MOST_STEPS):
+            here, before = self._snapshot(), frame.control
+            if len(ways) > 1:
+                rise = (shares[-1] - shares[-2]) / (ways[-1] - ways[-2])
+                if shares[-1] + rise * advance >= 1.0:
+                    try:
+                        self._run(ONE_STEP, self._choice(before, whole))
+                    except ConvergenceError:
+                        advance *= CUTBACK
+                    else:
+                        return None
+            target = frame.place + advance * frame.scale * unit
+            control = Control.along(held, force, np.where(held, end_place, target), change)
+            try:
+                self._run(ONE_STEP, self._choice(before, control))
+            except ConvergenceError:
+                advance *= CUTBACK
+                if advance < SHORTEST * step * way:
+                    raise
+                continue
+            if share() >= 1.0:  # beyond the stage's force, which friction would remember
+                self._return(here, before)
+                advance *= CUTBACK
+                continue
+            shares.append(share())
+            ways.append(along(frame.place / frame.scale) - origin)
+            if self._at_limit(ways, shares, force, unit, size):
+                best = int(np.argmax(shares))
+                reached = force + shares[best] * size * unit / frame.scale
+                found = Limit(self._stage, reached, end_force)
+                self.limits.append(found)
+                return found
+            if self.points[-1].iterations <= FEW_ITERATIONS:
+                advance *= GROWTH
+        raise ConvergenceError(
+            f"the force still rises after {MOST_STEPS} steps along its way; ask for more steps"
+        )
+
+    def _snapshot(self) -> Milestone:
+        """Return the present equilibrium, to go back to."""
+        x = self.x.copy()
+        return Milestone(0.0, 0.0, 1.0, x, x, self.problem.slip_history)
+
+    def _return(self, here: Milestone, control: Control) -> None:
+        """Go back to an equilibrium, the last but one (collective)."""
+        assert self.frame is not None
+        here.unknowns.copy(self.x)
+        self.frame.control = control
+        self.problem.slip_history = here.converged_arc
+        self.problem.residual(self.x, self.x.duplicate())
+        self._state = self.problem.contact.state()
+        self.points.pop()
+
+    def _at_limit(
+        self,
+        ways: list[float],
+        shares: list[float],
+        force: FloatArray,
+        unit: FloatArray,
+        size: float,
+    ) -> bool:
+        """Whether the force has risen by less than `LIMIT` over the last part of the way."""
+        assert self.frame is not None
+        if ways[-1] <= 0.0:
+            return False
+        then = float(np.interp((1.0 - LAST_PART) * ways[-1], ways, shares))
+        total = abs(float(unit @ (self.frame.scale * force)) + shares[-1] * size)
+        return (shares[-1] - then) * size < LIMIT * total
+
+    def _choice(self, before: Control, after: Control) -> Callable[[float], None]:
+        """Return what sets one control before a step, and another one for it."""
+        frame = self.frame
+        assert frame is not None
+
+        def set_share(share: float) -> None:
+            frame.control = after if share > 0.0 else before
+
+        return set_share
+
+    def _compliances(self) -> FloatArray:
+        """Motion of the frame by its forces in the present state, s^-1 dp/d(s G) (collective)."""
+        frame, newton = self.frame, self.stepper.newton
+        assert frame is not None
+        newton.factorise()
+        columns = []
+        for unit in np.eye(COMPONENTS):
+            residual = self.x.duplicate()
+            residual.set(0.0)
+            if frame.extra:
+                residual.array[-COMPONENTS:] = unit
+            columns.append(frame.of_all(newton.correction(residual).array_r) / frame.scale)
+        return np.column_stack(columns)
+
+    # -- equilibria -------------------------------------------------------------------------------
+
+    def _arrive(self, milestone: Milestone) -> None:
+        """Take an equilibrium in."""
+        state = self.problem.contact.state()
+        self.points.append(self._point(state, milestone.steps[-1].newton.iterations))
+        self._state = state
+
+    def _point(self, state: ContactState, iterations: int) -> Point:
+        contact, frame, comm = self.problem.contact, self.frame, self.problem.comm
+        last = self.points[-1] if self.points else None
+        weight = contact.points.weight
+        closed = state.traction.pressure > 0
+        slid = Slid.between(contact, self._state, state)
+        sums = [
+            weight @ slid.work,
+            weight[closed].sum(),
+            weight[state.traction.status == SLIP].sum(),
+        ]
+        work, touching, slipping = comm.allreduce(np.array(sums))
+        whole = resultants(contact, state)
+        force, place = np.zeros((2, COMPONENTS))
+        if frame is not None:
+            force, place = frame.force(self.problem.bodies_residual), frame.place.copy()
+        applied = 0.5 * (last.force + force) @ (place - last.place) if last else 0.0
+        return Point(
+            stage=self._stage,
+            force=force,
+            place=place,
+            volume=dict(self._volume),
+            pressing=whole.pressing,
+            slipping=float(slipping / touching) if touching else 0.0,
+            dissipated=float(work) + (last.dissipated if last else 0.0),
+            applied=float(applied) + (last.applied if last else 0.0),
+            iterations=iterations,
+            imbalance=self._imbalance(whole),
+        )
+
+    def _imbalance(self, whole: Resultants) -> float:
+        """Return the largest force out of balance, at the last residual (collective)."""
+        problem, contact = self.problem, self.problem.contact
+        at = contact.deformed_points()
+        squares, length = problem.comm.allreduce(
+            np.array([contact.points.weight @ np.sum(at**2, axis=1), contact.points.weight.sum()])
+        )
+        arm = float(np.sqrt(squares / length))
+        found = 0.0
+        for boundary, sign, moment in (
+            (tags.TIBIA_MEDULLARY, 1.0, whole.on_skin),
+            (tags.SOCKET_OUTER, -1.0, whole.on_socket),
+        ):
+            force, torque = problem.reaction(boundary)
+            missing = [*(force + sign * whole.force), (torque + moment) / arm]
+            found = max(found, *np.abs(missing))
+        return float(found / whole.pressing) if whole.pressing else 0.0
+
+
+ONE_STEP = (1.0,)
+"""Load steps of a way in one step."""
+
+
+def legs(stage: Stage, axes: Frame) -> Iterator[Targets]:
+    """Yield the values that a stage goes to, one after the other."""
+    targets = stage.targets(axes)
+    yield targets
+    for _ in range(stage.cycles):
+        yield targets.opposite
+        yield targets

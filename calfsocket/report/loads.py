@@ -1,0 +1,70 @@
+"""What a report says of stages of loading."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from calfsocket.report.words import number
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Results
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of a case, in words and numbers."""
+
+    name: str
+    limit: str  #: which force could not be borne; empty where all was
+    pressure: str  #: mean and largest contact pressure at its end, kPa
+    skin: str  #: largest effective stress of the skin at its end, kPa
+    slipping: str  #: largest share of the contact that slips on its way, %
+    dissipated: str  #: work of friction in it, N mm for each mm of limb
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case with its stages; `figure` is the name of its curves."""
+
+    name: str
+    figure: str
+    stages: tuple[Stage, ...]
+
+
+@dataclass(frozen=True)
+class Loads:
+    """The stages of loading of a study."""
+
+    results: Results
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """Cases with stages."""
+        return tuple(
+            Case(" ".join(key), f"loading_{place}", stages_of(result))
+            for place, (key, result) in enumerate(self.results.items())
+            if result.states
+        )
+
+
+def stages_of(result: Result) -> tuple[Stage, ...]:
+    """Return the donned state and the stages of a case."""
+    states: Mapping[str, Result] = {"donned": result, **result.states}
+    curve = result.curve
+    assert curve is not None
+    found = []
+    for name, state in states.items():
+        summary = state.summary().set_index(["tissue", "quantity"])["value"]
+        part = curve[curve.stage == name]
+        before = curve.dissipated_N_mm_per_mm.shift(fill_value=0.0)[part.index]
+        work = (part.dissipated_N_mm_per_mm - before).sum()
+        mean, most = (summary["skin", f"contact_pressure_{kind}"] for kind in ("mean", "max"))
+        found.append(
+            Stage(
+                name,
+                state.record.state.limit if state.record.state else "",
+                f"{number(mean)} on average, {number(most)} at most",
+                number(summary["skin", "effective_stress"]),
+                number(float(part.slipping_percent.max())),
+                number(float(work)),
+            )
+        )
+    return tuple(found)
