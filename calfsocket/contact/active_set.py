@@ -56,7 +56,8 @@ class ActiveSet:
     def _clear(self) -> None:
         self._count: int | None = None  # of the linearisations in this solve
         self._branches: IntArray | None = None  # of the last linearisation
-        self._edges: list[IntArray] = []  # of the last two linearisations, the latest first
+        self._edge: IntArray | None = None  # of the last linearisation
+        self._left: IntArray | None = None  # the one that each point was on before, or -1
         self._holding = self._released = False
 
     @contextmanager
@@ -106,18 +107,21 @@ class ActiveSet:
         return bool(changes > FEW_CHANGES * points)
 
     def returning(self, edge: IntArray) -> IntArray:
-        """Return the edge that points had last which go back to the one before; -1 elsewhere."""
-        if len(self._edges) < 2:
+        """Return the edge that points are on which go back to the one they left; -1 elsewhere."""
+        if self._edge is None:
             return np.full(len(edge), -1)
-        last, before = self._edges
-        return np.where((edge == before) & (edge != last), last, -1)
+        return np.where((edge == self._left) & (edge != self._edge), self._edge, -1)
 
     def linearised(self, branches: IntArray, edge: IntArray) -> None:
         """Take note of what the tangent was computed with."""
         if self._count is None:
             return
         self._count += 1
-        self._branches, self._edges = branches, [edge, *self._edges][:2]
+        before = edge if self._edge is None else self._edge
+        left = np.full(len(edge), -1) if self._left is None else self._left
+        # Some iterations may pass on one edge before a point goes back.
+        self._left = np.where(edge != before, before, left)
+        self._branches, self._edge = branches, edge
         if self._count == 1 and not self._ahead and self.equilibrium is not None:
             # All points stick there; it is those that slipped until then which may turn round.
             self._branches = self.equilibrium
