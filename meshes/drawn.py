@@ -66,6 +66,7 @@ class Piece:
     place: str  #: in the file, e.g. "LINE 2F"
     points: Array  #: (n, 2) or (n, 3), mm: vertices; of a curve, points near it from end to end
     name: str = ""  #: its handle or id
+    label: str = ""  #: what else it is called
     layer: str = ""
     sample: Callable[[], Array] | None = None  #: points of a curve at most `STEP` apart
     problem: str = ""  #: why it cannot be part of an outline
@@ -217,7 +218,7 @@ def joined(path: Path, pieces: Sequence[Piece], unit: str, file: OutlineFile) ->
     if np.ptp(everything, axis=0).max() > 10 * EXTENT[1]:
         check_extent(path, everything, file.extent, unit)
     pieces = [piece for piece in pieces if np.ptp(piece.points, axis=0).max() > SAME_POINT]
-    groups = _groups(pieces)
+    groups = connected(pieces)
     if wrong and not file.curve:
         others = f", or choose the outline ({_how(groups)}): {_listed(groups)}" if groups else ""
         raise InputError(f"{path}, {wrong[0].place}: {wrong[0].problem}{others}")
@@ -242,7 +243,7 @@ def _on_layer(path: Path, pieces: Sequence[Piece], layer: str | None) -> Sequenc
     return [piece for piece in pieces if layer is None or piece.layer == layer]
 
 
-def _groups(pieces: Sequence[Piece]) -> list[list[Piece]]:
+def connected(pieces: Sequence[Piece]) -> list[list[Piece]]:
     """Return the pieces that hang together, curve by curve."""
     if not pieces:
         return []
@@ -260,7 +261,7 @@ def _chosen(path: Path, groups: Sequence[list[Piece]], file: OutlineFile) -> lis
         groups = [group for group in groups if any(p.name == file.curve for p in group)]
         if not groups:
             raise InputError(f"{path}: no curve '{file.curve}'; there are {_listed(every)}")
-    if not any(map(_is_closed, groups)):
+    if not any(map(is_closed, groups)):
         return [piece for group in groups for piece in group]  # open: which is said
     if len(groups) > 1:
         raise InputError(
@@ -276,7 +277,7 @@ def _listed(groups: Sequence[Sequence[Piece]]) -> str:
     def words(group: Sequence[Piece]) -> str:
         length = sum(piece.line.length for piece in group)
         layer = f" on layer '{group[0].layer}'" if group[0].layer else ""
-        return f"{group[0].place}{layer}, {length:.0f} mm{'' if _is_closed(group) else ', open'}"
+        return f"{group[0].place}{layer}, {length:.0f} mm{'' if is_closed(group) else ', open'}"
 
     more = f"; and {len(groups) - _LISTED} more" if len(groups) > _LISTED else ""
     return "; ".join(map(words, groups[:_LISTED])) + more
@@ -323,7 +324,8 @@ def _near(ends: Array) -> np.ndarray:
     return near
 
 
-def _is_closed(group: Sequence[Piece]) -> bool:
+def is_closed(group: Sequence[Piece]) -> bool:
+    """Return whether pieces that hang together have no loose end."""
     return bool((_near(_ends(group))[:, 0] >= 0).all())
 
 

@@ -12,11 +12,13 @@ from calfsocket.meshes import curves, fairing
 from calfsocket.meshes.curves import Array, Point, xy
 from calfsocket.meshes.drawn import Drawn, OutlineFile
 from calfsocket.meshes.outline_csv import read_csv
-from calfsocket.meshes.outline_dxf import read_dxf
-from calfsocket.meshes.outline_svg import read_svg
+from calfsocket.meshes.outline_dxf import dxf_pieces, read_dxf
+from calfsocket.meshes.outline_svg import read_svg, svg_pieces
 
 #: Readers by the extension of the file's name.
 READERS = {".csv": read_csv, ".dxf": read_dxf, ".svg": read_svg}
+#: Readers of drawings with many curves, which have layers, labels and ids.
+DRAWINGS = {".dxf": dxf_pieces, ".svg": svg_pieces}
 #: Points up to this number are taken as they are. Meshing takes 1.3 s with 400, 1.7 s with 1000.
 MANY_POINTS = 1000
 #: Largest distance, mm, of a spline through fewer points from those left out: the first that can be

@@ -51,6 +51,11 @@ def read_dxf(path: Path, file: OutlineFile) -> Drawn:
     InputError
         Naming file and entity.
     """
+    return joined(path, *dxf_pieces(path), file)
+
+
+def dxf_pieces(path: Path) -> tuple[list[Piece], str]:
+    """Return all that is drawn, and what the drawing says of its unit."""
     check_readable(path)
     document = _document(path)
     scale, unit = _unit(path, document)
@@ -60,7 +65,7 @@ def read_dxf(path: Path, file: OutlineFile) -> Drawn:
         _piece(entity, "" if uses[entity.dxf.handle] > 1 else entity.dxf.handle, number, scale)
         for number, entity in enumerate(entities, 1)
     ]
-    return joined(path, pieces, unit, file)
+    return pieces, unit
 
 
 def _document(path: Path) -> Drawing:
@@ -116,7 +121,7 @@ def _piece(entity: DXFEntity, handle: str, number: int, scale: float) -> Piece:
     """Return an entity as points in mm."""
     place = f"{entity.dxftype()} {handle or f'number {number}'}"
     layer = entity.dxf.get("layer", "0")
-    nothing = Piece(place, np.empty((0, 3)), handle, layer)
+    nothing = Piece(place, np.empty((0, 3)), handle, layer=layer)
     if entity.dxftype() not in TYPES:
         return replace(
             nothing,

@@ -44,6 +44,11 @@ def read_svg(path: Path, file: OutlineFile) -> Drawn:
     InputError
         Naming file and element.
     """
+    return joined(path, *svg_pieces(path), file)
+
+
+def svg_pieces(path: Path) -> tuple[list[Piece], str]:
+    """Return all that is drawn, and what the drawing says of its unit."""
     try:
         root = ElementTree.fromstring(read_text(path))
     except ElementTree.ParseError as error:
@@ -54,7 +59,7 @@ def read_svg(path: Path, file: OutlineFile) -> Drawn:
         )
     scale = _unit(path, root)
     pieces = [piece for shape in _shapes(root) for piece in _pieces(shape, scale)]
-    return joined(path, pieces, f"its unit is {scale:.4g} mm by width and viewBox", file)
+    return pieces, f"its unit is {scale:.4g} mm by width and viewBox"
 
 
 def _unit(path: Path, root: ElementTree.Element) -> float:
@@ -125,7 +130,8 @@ def _shapes(root: ElementTree.Element) -> Iterator[_Shape]:
 def _pieces(shape: _Shape, scale: float) -> Iterator[Piece]:
     """Yield the lines and curves of a shape, in mm in the limb's frame."""
     name = shape.element.get("id", "")
-    nothing = Piece(shape.place, np.empty((0, 2)), name, shape.layer)
+    label = shape.element.get(_LABEL, "")
+    nothing = Piece(shape.place, np.empty((0, 2)), name, label, shape.layer)
     if shape.element.tag.removeprefix(_SVG) not in SHAPES:
         yield replace(
             nothing,

@@ -15,6 +15,7 @@ from test_bad_input import refused, shortened
 from test_imaging_labels import metaimage, nifti, nrrd
 
 import reliability
+from drawings import outlined_svg
 from reliability import Trial
 
 TITLE = "Scans, label maps and drawings of limbs"
@@ -161,6 +162,17 @@ def two_tibias(labels: np.ndarray) -> np.ndarray:
     return labels
 
 
+def a_muscle_in_another(labels: np.ndarray) -> np.ndarray:
+    """A region is what lies within its outline, whatever the map has in there."""
+    i, j = np.argwhere(labels[..., labels.shape[2] // 2] == 1).T
+    x, y = np.indices(labels.shape[:2])
+    far = np.hypot(x - i.mean(), y - np.quantile(j, 0.25))
+    for radius, label in ((6, 4), (4, 5)):
+        inside = (far < radius)[..., None] & (labels == (1 if label == 4 else 4))
+        labels[inside] = label
+    return labels
+
+
 def two_of_them(labels: np.ndarray) -> np.ndarray:
     return np.concatenate([labels, labels[::-1]])
 
@@ -253,6 +265,17 @@ def circle(radius: float, x: float = 0.0, y: float = 0.0) -> np.ndarray:
 
 TWO = outlines(skin=circle(50), tibia=circle(12))
 
+
+def drawn(**parts: np.ndarray) -> Make:
+    """Skin, bones and other closed curves of one SVG drawing, by id."""
+    bones = {"skin": circle(50), "tibia": circle(12, -20, 8), "fibula": circle(6, 25, -5)}
+
+    def make(folder: Path) -> list[str]:
+        return [str(outlined_svg(folder / "limb.svg", bones | parts))]
+
+    return make
+
+
 TRIALS = (
     Trial("no such file", lambda folder: [str(folder / "leg.stl")], ("cannot be read",)),
     Trial("another format", binary("limb.pdf", b"%PDF-1.7"), ("is no surface", ".stl")),
@@ -329,6 +352,9 @@ TRIALS = (
     Trial("a table of other columns", labelled(text="tibia,2\n"), ("line 1: is not label,region",)),
     Trial("an empty label map", labelled(np.zeros_like), ("is empty",)),
     Trial("a tibia in two pieces", labelled(two_tibias), ("tibia is in pieces of",)),
+    Trial("a muscle around another one in a label map",
+          labelled(a_muscle_in_another, TABLE + "4,soleus\n5,muscle 2\n"),
+          ("limb.nrrd, level 0.5", "soleus and muscle_2 overlap by", "correct the outlines")),
     Trial("two limbs in a label map", labelled(two_of_them), ("has two limbs; add --side left",)),
     Trial("parts of both legs in the table",
           labelled(text="1,muscle\n2,left_tibia\n3,tibia_right\n"),
@@ -366,6 +392,27 @@ TRIALS = (
     Trial("outlines that do not tell the side",
           outlines(skin=circle(50), tibia=circle(12, -20), fibula=circle(6, 25)),
           ("a left or a right limb?",)),
+    Trial("a file that has the name of no tissue",
+          outlines(skin=circle(50), tibia=circle(12), soleous=circle(5, 0, -30)),
+          ("soleous.csv: what is it?", "did you mean 'soleus'?")),
+    Trial("a curve that has the name of no tissue", drawn(zebra=circle(5, 0, -30)),
+          ("limb.svg, 'zebra': what tissue is 'zebra'?", "soleus", "ignore")),
+    Trial("a curve with a tissue that there is not", drawn(**{"mine:flesh": circle(5, 0, -30)}),
+          ("'mine:flesh'", "what tissue is 'flesh'?")),
+    Trial("muscles that overlap",
+          outlines(skin=circle(50), tibia=circle(12), soleus=circle(8, 0, -30),
+                   fibularis_longus=circle(8, 14, -30)),
+          ("soleus and fibularis_longus overlap by 2 mm near (7.00, -30.00) mm", "0.2 mm")),
+    Trial("a muscle over a bone", drawn(soleus=circle(9, -20, -10)),
+          ("soleus and tibia overlap by 3 mm",)),
+    Trial("a muscle outside the envelope",
+          drawn(muscle=circle(46), soleus=circle(10, 0, -38)),
+          ("soleus leaves muscle, which is around it, by 2 mm",)),
+    Trial("two files of one bone",
+          outlines(skin=circle(50), tibia=circle(12), my_tibia=circle(8)),
+          ("my_tibia.csv: is tibia, and so is",)),
+    Trial("a drawing of both legs", drawn(left_soleus=circle(5, 0, -30), right_soleus=circle(5, 9)),
+          ("a left and of a right limb", "--side left")),
     Trial("a drawing with a label table",
           lambda folder: [*TWO(folder), "--labels", "x.csv"],
           ("does not belong to a drawing",)),

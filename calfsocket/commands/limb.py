@@ -133,7 +133,8 @@ SOURCE is STL, PLY, OBJ, VTP or AOP, in mm: a file for each tissue (skin.stl, ti
 one with several closed shells, of which skin and bones are told by nesting and size. Level 0 is the
 distal end. Or it is a label map: NIfTI, NRRD, MetaImage, a TIFF of several pages, or a folder of
 PNG or TIFF slices. Or it is the section itself: a CSV, DXF or SVG outline for each of skin.csv,
-tibia.csv, ..., or one drawing with a layer for each. Side and directions follow from tibia and
+tibia.csv, soleus.csv, ..., or one drawing with a layer or an id for each. The names are those of
+label maps: my_calf:muscle says the tissue. Side and directions follow from tibia and
 fibula where the source has both.
 """,
     epilog="""\
@@ -142,6 +143,7 @@ examples:
   python3 -m calfsocket limb skin.ply tibia.ply fibula.ply --level '120 mm' --side left
   python3 -m calfsocket limb segmentation.nii.gz --labels labels.csv --level 0.5
   python3 -m calfsocket limb leg.stl --levels 0.2:0.8:13 --out my-limb.json
+  python3 -m calfsocket limb skin.csv tibia.csv fibula.csv soleus.csv 'my calf:muscle.csv'
   python3 -m calfsocket limb scan.aop --side left --anterior +y
 """,
 )
@@ -179,7 +181,7 @@ def _write_levels(
     arguments: Namespace, filling: "Filling", write: "Callable[[Imported, Path], None]"
 ) -> None:
     """Write the sections of many levels, and the file that lists them."""
-    from calfsocket.imaging.drawing import is_drawing
+    from calfsocket.imaging.drawing_parts import is_drawing
     from calfsocket.imaging.levels import imported_levels, levels_of
 
     if arguments.level or arguments.plane:
@@ -206,7 +208,7 @@ def _write_levels(
 
 def _section(arguments: Namespace) -> "Section":
     """Return the section that is asked for."""
-    from calfsocket.imaging.drawing import is_drawing
+    from calfsocket.imaging.drawing_parts import is_drawing
     from calfsocket.imaging.limb import plane_of
     from calfsocket.imaging.plane import Level
     from calfsocket.imaging.section import section
@@ -254,7 +256,8 @@ def _said(arguments: Namespace) -> "Said":
 
 def _drawn(arguments: Namespace) -> "Section":
     """Return the section that was drawn."""
-    from calfsocket.imaging.drawing import read_outlines, roles_of
+    from calfsocket.imaging.drawing import read_outlines
+    from calfsocket.imaging.drawing_parts import named_files
     from calfsocket.imaging.section import TOLERANCE
 
     for name, value in (
@@ -268,7 +271,7 @@ def _drawn(arguments: Namespace) -> "Section":
         if value:
             raise InputError(f"{name}: {_NOT_OF_DRAWINGS}")
     tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
-    parts = roles_of(arguments.source, _roles(arguments))
+    parts = named_files(arguments.source, _roles(arguments))
     return read_outlines(parts, _said(arguments), arguments.seen_from, tolerance)
 
 

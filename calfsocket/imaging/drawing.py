@@ -1,44 +1,51 @@
-"""A section that was drawn: outlines of skin and bones from CSV, DXF or SVG files."""
+"""A section that was drawn: its outlines from CSV, DXF or SVG files."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import shapely
+from shapely.affinity import translate
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.anatomy import FIBULA_ANGLE, LEAST_SINE, Said, direction
+from calfsocket.imaging.drawing_parts import Parts, read_parts
+from calfsocket.imaging.label_table import CAVITY, Meaning
 from calfsocket.imaging.outlines import Outline, SectionOutlines
-from calfsocket.imaging.section import RADII, SKIN_RADII, TOLERANCE, Section, smooth_outline
-from calfsocket.imaging.source import sha256
+from calfsocket.imaging.section import (
+    RADII,
+    SKIN_RADII,
+    TOLERANCE,
+    Section,
+    around_all,
+    blunt,
+    check_tolerance,
+    mean_thickness,
+    parts,
+    smooth_outline,
+)
+from calfsocket.imaging.shapes import largest, outside
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import curves
-from calfsocket.meshes.curves import Array
-from calfsocket.meshes.drawn import Drawn, OutlineFile
+from calfsocket.meshes.curves import Array, xy
+from calfsocket.meshes.drawn import Drawn
 from calfsocket.meshes.frame import Frame, View
-from calfsocket.meshes.outline import READERS
 
-#: Roles of files, or of the layers of one drawing.
-ROLES = ("skin", "muscle", "tibia", "fibula", "tibia_cavity")
-#: Width and height, mm, that outlines other than the skin's may have.
-_INNER = (2.0, 400.0)
 #: Points of a skin or bone from which a spline through them is taken to be what was meant.
 _MANY = 400
-
-
-class _Inner(OutlineFile):
-    """How an outline within the skin is read."""
-
-    extent: ClassVar[tuple[float, float]] = _INNER
-
-
-def is_drawing(path: Path) -> bool:
-    """Return whether a file is read as an outline."""
-    return path.suffix.lower() in READERS
+#: Muscles and bones are all there if, with the gaps between them closed, they fill this share of
+#: their convex hull: 0.996 in the reference calf, at most 0.97 without one of its outer muscles.
+_COMPLETE = 0.98
+#: Files of a section that its title lists.
+_LISTED = 5
+#: Crural fascia around muscles of which no envelope was drawn, mm: as over the atlas's bellies.
+_FASCIA = 0.74
 
 
 def read_outlines(
-    parts: Mapping[str, Path | str] | Path | str,
+    files: Mapping[str, Path | str] | Path | str,
     said: Said | None = None,
     seen_from: View = "above",
     tolerance: float = TOLERANCE,
@@ -47,45 +54,59 @@ def read_outlines(
 
     Parameters
     ----------
-    parts
-        Files by role: "skin", "muscle" (the envelope of all muscles), "tibia", "fibula",
-        "tibia_cavity"; or one DXF or SVG drawing with a layer for each.
+    files
+        Files by name: "skin", "muscle" (the envelope of all muscles), "tibia", "fibula",
+        "tibia_cavity", and single muscles, vessels and tendons as in a table of labels: "soleus",
+        "muscle 3", "my_calf:muscle"; or one DXF or SVG drawing with a layer or an id for each.
     said
         Side and anterior direction, such as "+y" or "0.2,1,0", where tibia and fibula do not tell.
     seen_from
         From where the section was drawn.
     tolerance
-        Largest distance of the curves from what was drawn, mm.
+        Largest distance of the curves from what was drawn, and largest overlap, mm.
 
     Raises
     ------
     InputError
-        When a file cannot be read, or its outlines do not lie in one another.
+        When a file or a name is not understood, or outlines overlap or do not lie in one another.
     """
+    check_tolerance(tolerance)
     said = said or Said()
-    files, drawn = _read(parts)
-    skin = shapely.Polygon(drawn["skin"].points)
-    for name, each in drawn.items():
-        body = shapely.Polygon(each.points)
-        if name != "skin" and not shapely.make_valid(skin).contains(shapely.make_valid(body)):
+    read = read_parts(files, said.side)
+    said = replace(said, side=said.side or read.side)
+    remarks = list(read.remarks)
+    drawn = _named(read, remarks)
+    bodies = {name: _area(each.points) for name, (_, each) in drawn.items()}
+    skin = bodies["skin"]
+    for name, (_, each) in drawn.items():
+        if name != "skin" and not skin.contains(bodies[name]):
             raise InputError(
                 f"{each.path}: the outline of {name} is not inside the skin's; all outlines must"
                 " have the same origin"
             )
-    centre = np.array(skin.centroid.coords[0])
-    bodies = {name: shapely.Polygon(each.points - centre) for name, each in drawn.items()}
-    front, turn, found = _front(files, bodies, said, seen_from)
+    roles = _Roles.of({name: each for name, (each, _) in drawn.items()}, bodies, remarks)
+    paths = {name: each.path for name, (_, each) in drawn.items()}
+    _check_overlaps(roles, bodies, paths, tolerance)
+    centre = np.array(shapely.Polygon(drawn["skin"][1].points).centroid.coords[0])
+    about = {name: translate(bodies[name], *-centre) for name in ("skin", *roles.bones)}
+    front, turn, found = _front(_listed(list(read.files)), about, said, seen_from)
     rotation = np.array([[front[1], -front[0]], [front[0], front[1]]])
-    data = {name: (each.points - centre) @ rotation.T for name, each in drawn.items()}
-    outlines = {name: _outline(drawn[name], data[name], tolerance, name) for name in drawn}
+    data = {name: (each.points - centre) @ rotation.T for name, (_, each) in drawn.items()}
+    outlines = {
+        name: _belly(each, data[name], tolerance) if name in roles.regions
+        else _outline(each, data[name], tolerance, name, name in ("skin", roles.envelope))
+        for name, (_, each) in drawn.items()
+    }  # fmt: skip
+    envelope = outlines[roles.envelope] if roles.envelope else _around(roles, data, remarks)
     frame = Frame("lateral" if turn > 0 else "medial", "anterior") if turn else Frame()
-    cavity = outlines.get("tibia_cavity")
     return Section(
         outlines=SectionOutlines(
             skin=outlines["skin"],
-            bones={name: outlines[name] for name in ("tibia", "fibula") if name in outlines},
-            cavities={"tibia": cavity} if cavity else {},
-            muscle_envelope=outlines.get("muscle"),
+            bones={name: outlines[name] for name in roles.bones},
+            cavities={bone: outlines[name] for bone, name in roles.cavities.items()},
+            muscle_envelope=envelope,
+            skin_thickness=mean_thickness(skin, bodies[roles.fat]) if roles.fat else None,
+            regions={name: (tissue, outlines[name]) for name, tissue in roles.regions.items()},
             frame=frame,
             side=said.side,
         ),
@@ -95,76 +116,154 @@ def read_outlines(
         height=None,
         height_mm=None,
         tolerance=tolerance,
-        remarks=found,
-        names=", ".join(files),
-        files=files,
+        remarks=(*found, *remarks),
+        names=_listed(list(read.files)),
+        files=read.files,
     )
 
 
-def roles_of(files: Sequence[Path], said: Mapping[str, str]) -> dict[str, Path] | Path:
-    """Return which file is what: as said, or by its name; a single drawing as it is."""
-    if len(files) == 1 and not said:
-        return files[0]
-    found = {}
-    for role, name in said.items():
-        fits = [path for path in files if name in (str(path), path.name, path.stem)]
-        if not fits:
-            raise InputError(f"--{role}: no file '{name}'; there are {', '.join(map(str, files))}")
-        found[role] = fits[0]
-    for path in [path for path in files if path not in found.values()]:
-        roles = [role for role in ROLES if role in path.stem.lower() and role not in found]
-        if not roles:
-            raise InputError(
-                f"{path}: what is it? say so by --skin, --muscle, --tibia or --fibula, or by its"
-                " name, such as tibia.csv"
-            )
-        found[max(roles, key=len)] = path
+def _listed(names: Sequence[str]) -> str:
+    """Name some files, and how many more there are."""
+    if len(names) <= _LISTED:
+        return ", ".join(names)
+    return f"{', '.join(names[: _LISTED - 1])} and {len(names) - _LISTED + 1} more files"
+
+
+def _named(read: Parts, remarks: list[str]) -> dict[str, tuple[Meaning, Drawn]]:
+    """Return curves under names of their own, and what they are; crumbs are left out."""
+    found: dict[str, tuple[Meaning, Drawn]] = {}
+    for region, drawn in read.curves.items():
+        each = read.meanings[region]
+        if not each.is_region:
+            found[region] = each, drawn[0]
+            continue
+        areas = [_area(curve.points).area for curve in drawn]
+        for name, number in parts(areas, region, remarks, read.curves):
+            found[name] = each, drawn[number]
     return found
 
 
-def _read(parts: Mapping[str, Path | str] | Path | str) -> tuple[dict[str, str], dict[str, Drawn]]:
-    """Return hashes of files, and outlines by role."""
-    drawn: dict[str, Drawn] = {}
-    if not isinstance(parts, Mapping):
-        path = Path(parts)
-        if path.suffix.lower() == ".csv":
-            raise InputError(f"{path}: is one outline; give those of skin and bones, a file each")
-        for role in ROLES:
-            try:
-                drawn[role] = _one(path, role, role)
-            except InputError as error:
-                if role == "skin" or "no layer" not in str(error):
-                    raise
-        return {path.name: sha256(path)}, drawn
-    for role, file in parts.items():
-        if role not in ROLES:
-            raise InputError(f"{file}: is '{role}'; outlines are {', '.join(ROLES)}")
-        drawn[role] = _one(Path(file), role, None)
-    if "skin" not in drawn:
-        raise InputError(f"{', '.join(map(str, parts.values()))}: which one is the skin?")
-    return {each.path.name: sha256(each.path) for each in drawn.values()}, drawn
+@dataclass(frozen=True)
+class _Roles:
+    """Which curve is what.
+
+    Attributes
+    ----------
+    bones : sequence of str
+    cavities : dict of str to str
+        By bone.
+    regions : dict of str to str
+        Tissues of muscles, vessels and tendons.
+    envelope, fat : str
+        Around all muscles, and below the skin; empty where not drawn.
+    """
+
+    bones: Sequence[str]
+    cavities: Mapping[str, str]
+    regions: Mapping[str, str]
+    envelope: str
+    fat: str
+
+    @classmethod
+    def of(
+        cls, drawn: Mapping[str, Meaning], bodies: Mapping[str, BaseGeometry], remarks: list[str]
+    ) -> "_Roles":
+        """Sort curves by what they are."""
+
+        def around(names: Sequence[str]) -> str:
+            """Return the outer one of curves around the same."""
+            first, *others = sorted(names, key=lambda name: -bodies[name].area) or [""]
+            remarks.extend(f"{name}: not used, for it lies in {first}" for name in others)
+            return first
+
+        layers = {name: each for name, each in drawn.items() if not each.is_region}
+        bones = [name for name, each in layers.items() if each.tissue == "bone"]
+        for name, each in layers.items():
+            if each.tissue == "skin" and name != "skin":
+                remarks.append(f"{name}: not used; the outline below the skin is that of the fat")
+        return cls(
+            bones=[name for name in bones if not name.endswith(CAVITY)],
+            cavities={name.removesuffix(CAVITY): name for name in bones if name.endswith(CAVITY)},
+            regions={name: each.tissue for name, each in drawn.items() if each.is_region},
+            envelope=around(
+                [name for name, each in layers.items() if each.tissue in ("muscle", "fascia")]
+            ),
+            fat=around([name for name, each in layers.items() if each.tissue == "fat"]),
+        )
+
+    @property
+    def muscles(self) -> Sequence[str]:
+        """Return the single muscles."""
+        return [name for name, tissue in self.regions.items() if tissue == "muscle"]
 
 
-def _one(path: Path, role: str, layer: str | None) -> Drawn:
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: is no outline; export it as one of {', '.join(READERS)}")
-    drawn = reader(path, (OutlineFile if role == "skin" else _Inner)(layer=layer))
-    if not shapely.LinearRing(drawn.points).is_ccw:
-        return Drawn(path, drawn.points[::-1], drawn.places[::-1], drawn.unit)
-    return drawn
+def _check_overlaps(
+    roles: _Roles,
+    bodies: Mapping[str, BaseGeometry],
+    paths: Mapping[str, Path],
+    tolerance: float,
+) -> None:
+    """Raise an InputError where muscles, bones or vessels overlap by more than the tolerance.
+
+    A vessel may be drawn over a muscle, which gives way.
+    """
+
+    def check(area: BaseGeometry, name: str, other: str, how: str) -> None:
+        if area.buffer(-tolerance / 2).is_empty:
+            return
+        circle = shapely.maximum_inscribed_circle(largest(area))  # type: ignore[attr-defined]
+        files = ", ".join(dict.fromkeys(str(paths[each]) for each in (name, other)))
+        raise InputError(
+            f"{files}: {how} by {2 * circle.length:.2g} mm near {xy(np.array(circle.coords[0]))},"
+            f" more than the tolerance, {tolerance:g} mm; correct the outlines, or add --tolerance"
+        )
+
+    flesh = {*roles.bones, *roles.muscles}
+    for name, other in combinations([*roles.regions, *roles.bones], 2):
+        if {name, other} <= flesh or not {name, other} & set(roles.muscles):
+            both = bodies[name].intersection(bodies[other])
+            check(both, name, other, f"{name} and {other} overlap")
+    for name in roles.muscles if roles.envelope else ():
+        out = bodies[name].difference(bodies[roles.envelope])
+        check(out, name, roles.envelope, f"{name} leaves {roles.envelope}, which is around it,")
 
 
-def _outline(drawn: Drawn, points: Array, tolerance: float, name: str) -> Outline:
+def _around(roles: _Roles, data: Mapping[str, Array], remarks: list[str]) -> Outline | None:
+    """Return the envelope of muscles and bones that leave no room for others; else nothing."""
+    if not roles.muscles or not roles.bones:
+        return None
+    names = (*roles.bones, *roles.muscles)
+    bodies = [_area(data[name]) for name in names]
+    said: list[str] = []
+    closed = around_all(bodies, said)
+    if closed.area < _COMPLETE * shapely.union_all(bodies).convex_hull.area:
+        return None
+    remarks += [*said, "muscle: the envelope lies around the muscles that were drawn"]
+    return blunt(outside(closed.buffer(_FASCIA)))
+
+
+def _area(points: Array) -> BaseGeometry:
+    return shapely.make_valid(shapely.Polygon(points))
+
+
+def _belly(drawn: Drawn, points: Array, tolerance: float) -> Outline:
+    """Return a muscle or vessel; spurs are cut off where no smooth curve follows them."""
+    try:
+        return _outline(drawn, points, tolerance, "", False)
+    except InputError:
+        return blunt(points)
+
+
+def _outline(drawn: Drawn, points: Array, tolerance: float, name: str, wide: bool) -> Outline:
     """Return the spline through points that are smooth as they are, or one near them."""
     if len(points) <= _MANY and not drawn.corner():
         return Outline(curves.through(points))
-    radii = SKIN_RADII if name in ("skin", "muscle") else RADII
+    radii = SKIN_RADII if wide else RADII
     return smooth_outline(points, tolerance, f"{drawn.path}, {name}", radii)
 
 
 def _front(
-    files: Mapping[str, str], bodies: Mapping[str, shapely.Polygon], said: Said, seen_from: View
+    files: str, bodies: Mapping[str, BaseGeometry], said: Said, seen_from: View
 ) -> tuple[Array, int, tuple[str, ...]]:
     """Return the anterior direction, which way anatomical angles turn, and how both were found.
 
@@ -184,7 +283,7 @@ def _front(
         if not turn:
             if abs(sine) < LEAST_SINE:
                 raise InputError(
-                    f"{', '.join(files)}: a left or a right limb? (tibia, fibula and flesh do not"
+                    f"{files}: a left or a right limb? (tibia, fibula and flesh do not"
                     " tell) add --side left or --side right"
                 )
             turn = 1 if sine < 0 else -1

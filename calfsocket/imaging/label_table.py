@@ -1,14 +1,14 @@
-"""The table of a label map: what each label is."""
+"""What the parts of a source are called: labels of a map by its table, outlines by their names."""
 
 import csv
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 from calfsocket.io.errors import InputError
-from calfsocket.io.schema import nearest, read_text
+from calfsocket.io.schema import misspelt, read_text
 from calfsocket.meshes.limb import Limb, Tissue
 
 #: Names that say the tissue, too; besides those of the reference calf's regions.
@@ -20,10 +20,13 @@ _TISSUE_OF = {
 IGNORED = "ignore"
 #: Marrow of the tibia; the name of another bone may stand before it.
 CAVITY = "_cavity"
+#: Regions of this name are tendons; the other fascia lies between all that is named.
+_TENDON = "tendon"
 _SIDE = re.compile(r"^(left|right)_|_(left|right)$")
 _NUMBER = re.compile(r"_?\d+$")
 
 Side = Literal["left", "right"]
+_Key = TypeVar("_Key")
 
 
 @dataclass(frozen=True)
@@ -42,11 +45,28 @@ class Meaning:
     tissue: str
     side: Side | None = None
 
+    @property
+    def is_region(self) -> bool:
+        """Whether it is a belly, a vessel or a tendon, and not only some of a tissue."""
+        if self.tissue == "fascia":
+            return _TENDON in self.region
+        return self.tissue == "vessel" or (self.tissue == "muscle" and self.region != self.tissue)
+
 
 def tissue_of(region: str) -> str:
-    """Return the tissue that a name tells: "soleus" or "muscle_3", a muscle; else nothing."""
-    known = {each.name: str(each.tissue) for each in Limb.reference().regions} | _TISSUE_OF
-    return known.get(region) or known.get(_NUMBER.sub("", region), "")
+    """Return the tissue that a name tells: "soleus", "muscle_3" or "calf_muscle", a muscle."""
+    known = _known()
+    last = region.rpartition("_")[2]
+    return (
+        known.get(region)
+        or known.get(_NUMBER.sub("", region))
+        or (last if last in get_args(Tissue) else "")
+    )
+
+
+def _known() -> dict[str, str]:
+    """Return the tissues of names."""
+    return {each.name: str(each.tissue) for each in Limb.reference().regions} | _TISSUE_OF
 
 
 def read_table(path: Path) -> dict[int, Meaning]:
@@ -69,34 +89,63 @@ def read_table(path: Path) -> dict[int, Meaning]:
         label = int(words[0])
         if label in found:
             raise InputError(f"{place}: label {label} is listed twice; list it once")
-        found[label] = _meaning(place, words[1], words[2].lower() if len(words) == 3 else "")
+        found[label] = meaning(place, ":".join(words[1:]))
     if not found:
         raise InputError(f"{path}: lists no labels; write a line such as 3,tibia for each")
     return found
 
 
-def _meaning(place: str, name: str, tissue: str) -> Meaning:
-    region = re.sub(r"[\s-]+", "_", name.lower())
-    word = _SIDE.search(region)
+def meaning(place: str, name: str) -> Meaning:
+    """Return what a part is by its name, ``region`` or ``region:tissue``.
+
+    Raises
+    ------
+    InputError
+        When the name tells no tissue; it begins with the place.
+    """
+    found = find_meaning(name)
+    if found:
+        return found
+    word = (name.partition(":")[2] or name).strip()
+    raise InputError(f"{place}: what tissue is '{word}'? {names_like(word)}")
+
+
+def names_like(word: str) -> str:
+    """Return the name that was probably meant, or what is allowed, for messages."""
+    near = misspelt(spelt(word), {*get_args(Tissue), *_known()})
+    if near:
+        return f"did you mean '{near}'?"
+    return (
+        f"allowed are {', '.join(dict.fromkeys((*get_args(Tissue), *_TISSUE_OF)))}, the names of"
+        f" the reference calf's regions, such as soleus, and {IGNORED}"
+    )
+
+
+def find_meaning(name: str) -> Meaning | None:
+    """Return what a part is by its name; None where the name does not tell."""
+    name, _, tissue = (spelt(word) for word in name.partition(":"))
+    word = _SIDE.search(name)
     side: Side | None = None
     if word:
         side = word[1] or word[2]  # type: ignore[assignment]
-        region = _SIDE.sub("", region)
-    tissue = tissue or tissue_of(region)
-    if region == IGNORED or region.endswith(CAVITY):
-        tissue = region if region == IGNORED else "bone"
-    elif tissue not in get_args(Tissue):
-        known = dict.fromkeys((*get_args(Tissue), *_TISSUE_OF))
-        raise InputError(
-            f"{place}: what tissue is '{tissue or region}'? {nearest(tissue or region, known)}"
-        )
-    return Meaning(region, tissue, side)
+        name = _SIDE.sub("", name)
+    tissue = tissue or tissue_of(name)
+    if IGNORED in (name, tissue):
+        return Meaning(IGNORED, IGNORED, side)
+    if name.endswith(CAVITY):
+        tissue = "bone"
+    return Meaning(name, tissue, side) if name and tissue in get_args(Tissue) else None
+
+
+def spelt(name: str) -> str:
+    """Return a name as regions have it."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
 def of_one_side(
-    meanings: Mapping[int, Meaning], side: Side | None, what: str
-) -> tuple[dict[int, Meaning], Side | None]:
-    """Return the labels of one limb, those of the other one ignored, and the side that they state.
+    meanings: Mapping[_Key, Meaning], side: Side | None, what: str
+) -> tuple[dict[_Key, Meaning], Side | None]:
+    """Return the parts of one limb, those of the other one ignored, and the side that they state.
 
     Raises
     ------

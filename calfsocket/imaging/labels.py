@@ -34,8 +34,6 @@ _DEEP = ("muscle", "fascia", "bone")
 _AROUND = ("muscle", "below the skin")
 #: All labels together, in what is reported as cleaned.
 _LIMB = "limb"
-#: Regions of this tissue are tendons; the other fascia lies between all that is named.
-_TENDON = "tendon"
 
 
 def read_labels(
@@ -80,16 +78,16 @@ def read_labels(
     bones, cavities, regions = {}, {}, {}
     for region in dict.fromkeys(each.region for each in used.values()):
         labels = [label for label, each in used.items() if each.region == region]
-        tissue = used[labels[0]].tissue
+        first = used[labels[0]]
         if not bodies.has(labels):
             continue  # of the other limb
         if region.endswith(CAVITY):
             cavities[region.removesuffix(CAVITY)] = shell(region, labels)
-        elif tissue == "bone":
+        elif first.tissue == "bone":
             inner = [label for label, each in used.items() if each.region == region + CAVITY]
             bones[region] = shell(region, [*labels, *inner])
-        elif _is_region(region, tissue):
-            regions[region] = (tissue, shell(region, labels, pieces=True))
+        elif first.is_region:
+            regions[region] = (first.tissue, shell(region, labels, pieces=True))
     tissues = {each.tissue for each in used.values()}
     flesh = any(each.region == "muscle" for each in used.values())
     muscle = inner_skin = None
@@ -115,13 +113,6 @@ def read_labels(
         voxel=volume.affine[:, :3],
         remarks=tuple([*whole.remarks(), *bodies.remarks()]),
     )
-
-
-def _is_region(region: str, tissue: str) -> bool:
-    """Return whether labels are a belly, a vessel or a tendon, and not only some of a tissue."""
-    if tissue == "fascia":
-        return _TENDON in region
-    return tissue == "vessel" or (tissue == "muscle" and region != tissue)
 
 
 def _hash(path: Path) -> str:

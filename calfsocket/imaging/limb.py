@@ -204,15 +204,17 @@ class Limb(meshes.Limb):
         anterior: str | None = None,
         **filling: Any,
     ) -> Self:
-        """Make a limb from outlines of its skin and bones.
+        """Make a limb from outlines of its skin, bones and muscles.
 
         Parameters
         ----------
         parts
-            CSV, DXF or SVG files by role: "skin", "muscle" (the envelope of all muscles), "tibia",
-            "fibula", "tibia_cavity"; or one DXF or SVG drawing with a layer for each.
+            CSV, DXF or SVG files by name: "skin", "muscle" (the envelope of all muscles), "tibia",
+            "fibula", "tibia_cavity", and single muscles, vessels and tendons as in a table of
+            labels: "soleus", "muscle 3", "my_calf:muscle"; or one DXF or SVG drawing with a layer
+            or an id for each.
         tolerance
-            Largest distance of the curves from rough outlines, mm.
+            Largest distance of the curves from rough outlines, and largest overlap, mm.
         side, seen_from
             Of the body, and from where the section was drawn.
         anterior

@@ -1,10 +1,12 @@
 """A section of a source: its outlines as smooth curves in the anatomical frame."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, count
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from calfsocket.imaging.anatomy import Anatomy
 from calfsocket.imaging.layers import NOTCH
@@ -153,8 +155,9 @@ def section(
     _check_bones(source, anatomy, at, bones)
     regions: dict[str, tuple[str, shapely.Polygon]] = {}
     for name, (tissue, shell) in source.regions.items():
-        for part, body in _parts(_cut(shell, where, at, name), name, remarks):
-            regions[part] = (tissue, body)
+        found = _cut(shell, where, at, name).bodies
+        for part, number in parts([body.area for body in found], name, remarks):
+            regions[part] = (tissue, shapely.Polygon(found[number].exterior))
     muscle = None
     if source.muscle is not None:
         muscle = _envelope(source, _cut(source.muscle, where, at, "muscle"), at, remarks)
@@ -183,10 +186,7 @@ def section(
         try:
             return outline(name, body, tolerance)
         except InputError:
-            radius = min(RADII[-1], 0.3 * np.sqrt(body.area / np.pi))
-            blunt = rounded(shapely.Polygon(data[name]), radius)
-            away = float(shapely.hausdorff_distance(blunt, shapely.Polygon(data[name])))
-            return Outline(curve_around(blunt), deviation_mm=away)
+            return blunt(data[name])
 
     front = "anterior" if anatomy.anterior is not None else None
     lateral = {"right": "lateral", "left": "medial", None: None}[anatomy.side]
@@ -292,15 +292,27 @@ def _body(found: Cut, at: str, name: str) -> shapely.Polygon | None:
     return first
 
 
-def _parts(found: Cut, name: str, remarks: list[str]) -> Iterator[tuple[str, shapely.Polygon]]:
-    """Yield the parts of a muscle or vessel with names of their own, the largest first."""
-    crumbs = [body for body in found.bodies if body.area < _CRUMB]
+def parts(
+    areas: Sequence[float], name: str, remarks: list[str], taken: Collection[str] = ()
+) -> Iterator[tuple[str, int]]:
+    """Yield names for the parts of a muscle or vessel, and their indices, the largest first.
+
+    Parameters
+    ----------
+    areas
+        Of the parts, mm^2; crumbs are left out, which is added to the remarks.
+    taken
+        Names that other regions have.
+    """
+    crumbs = [area for area in areas if area < _CRUMB]
     if crumbs:
-        area = sum(body.area for body in crumbs)
-        remarks.append(f"{name}: {len(crumbs)} parts of together {area:.2g} mm2 left out")
-    kept = [body for body in found.bodies if body.area >= _CRUMB]
-    for number, body in enumerate(kept, start=1):
-        yield name if number == 1 else f"{name}_{number}", shapely.Polygon(body.exterior)
+        what = "1 part of" if len(crumbs) == 1 else f"{len(crumbs)} parts of together"
+        remarks.append(f"{name}: {what} {sum(crumbs):.2g} mm2 left out")
+    numbered = (f"{name}_{number}" for number in count(2))
+    names = chain([name], (each for each in numbered if each not in taken))
+    for index in np.argsort(-np.array(areas), kind="stable"):
+        if areas[index] >= _CRUMB:
+            yield next(names), int(index)
 
 
 def _envelope(source: Source, found: Cut, at: str, remarks: list[str]) -> shapely.Polygon | None:
@@ -310,9 +322,14 @@ def _envelope(source: Source, found: Cut, at: str, remarks: list[str]) -> shapel
     """
     if source.voxel is None or not found.bodies:
         return _body(found, at, "muscle")
-    filled = [shapely.Polygon(body.exterior) for body in found.bodies]
-    closed = largest(shapely.union_all(filled).buffer(NOTCH).buffer(-NOTCH))
-    added = closed.area - sum(body.area for body in filled)
+    return around_all([shapely.Polygon(body.exterior) for body in found.bodies], remarks)
+
+
+def around_all(bodies: Sequence[BaseGeometry], remarks: list[str]) -> shapely.Polygon:
+    """Return what lies around muscles and bones, their narrow gaps closed."""
+    filled = shapely.union_all(bodies)
+    closed = largest(filled.buffer(NOTCH).buffer(-NOTCH))
+    added = closed.area - filled.area
     if added > _CRUMB:
         remarks.append(f"muscle: gaps of {added:.0f} mm2 between muscles closed")
     return shapely.Polygon(closed.exterior)
@@ -326,6 +343,11 @@ def _skin_thickness(source: Source, whole: shapely.Polygon, where: Plane, at: st
     if not found.bodies:
         return None
     inner = shapely.union_all([shapely.Polygon(body.exterior) for body in found.bodies])
+    return mean_thickness(whole, inner)
+
+
+def mean_thickness(whole: BaseGeometry, inner: BaseGeometry) -> float:
+    """Return the mean thickness of a skin, mm, of its two faces."""
     return float(whole.difference(inner).area / shapely.convex_hull(whole).length)
 
 
@@ -355,6 +377,14 @@ def counter_clockwise(body: shapely.Polygon) -> Array:
         points = points[::-1]
     # Where VTK begins depends on how the surface lies: begin at the one that is furthest right.
     return np.roll(points, -int(np.argmax(points[:, 0])), axis=0)
+
+
+def blunt(points: Array) -> Outline:
+    """Return a curve around a muscle or vessel whose spurs are cut off."""
+    body = shapely.make_valid(shapely.Polygon(points))
+    cut_off = rounded(body, min(RADII[-1], 0.3 * np.sqrt(body.area / np.pi)))
+    away = float(shapely.hausdorff_distance(cut_off, body))
+    return Outline(curve_around(cut_off), deviation_mm=away)
 
 
 def smooth_outline(
