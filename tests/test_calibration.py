@@ -114,7 +114,7 @@ def test_a_step_too_long_is_halved(combined):
     newton, failures = whole._motion.stepper.newton, [True, False, True]
     solve = newton.solve
 
-    def fail_at_times():
+    def fail_at_times(ahead=False):
         return replace(solve(), converged=not (failures and failures.pop(0)))
 
     newton.solve = fail_at_times
@@ -130,7 +130,7 @@ def test_no_equilibrium_at_all_is_said(specimen):
 
     newton = test._motion.stepper.newton
     solve = newton.solve
-    newton.solve = lambda: replace(solve(), converged=False)
+    newton.solve = lambda ahead=False: replace(solve(), converged=False)
     with pytest.raises(SolveError, match=r"compound: no equilibrium within 0\.018"):
         test.curve(np.array([0.6]))
 

@@ -75,8 +75,8 @@ def test_a_step_that_failed_fails_again(tmp_path, monkeypatch):
     """What was saved last leads to the same failure, in the same words."""
     solve_one = Newton.solve
 
-    def fail_late(solver):
-        result = solve_one(solver)
+    def fail_late(solver, ahead):
+        result = solve_one(solver, ahead)
         late = model.load > 0.5
         return replace(result, converged=False, reason="too late") if late else result
 

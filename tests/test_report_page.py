@@ -187,7 +187,7 @@ def test_the_method_has_settings_in_words(six_results):
     assert settings.shown["value"]["extrapolation from the last two steps"] == "no"
     assert method._text(None) == "as by default"  # LoadSteps().extrapolate
     assert method.in_words(findings, method.FIRST) == [
-        "mesh size coarse", "socket floating", "friction 0.4", "donning gap"
+        "mesh size coarse", "socket floating", "friction 0.4"
     ]  # fmt: skip
 
 

@@ -1,5 +1,7 @@
 """The limb's verification: energy balance, mesh convergence, results read or solved."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -186,8 +188,9 @@ def test_results_of_other_inputs_are_refused(tmp_path, monkeypatch):
     """A folder that holds the study's results is not solved again; one of another size is named."""
     solved = []
     monkeypatch.setattr(Runner, "run", lambda runner, resume: solved.append((runner.out, resume)))
-    monkeypatch.setattr(study, "load_results", lambda folder: folder)
-    assert limb_runs.solved_study(tmp_path, "coarse", ["combined"]) == tmp_path
+    found = SimpleNamespace(write_maps=lambda pictures: None)
+    monkeypatch.setattr(study, "load_results", lambda folder: found)
+    assert limb_runs.solved_study(tmp_path, "coarse", ["combined"]) is found
     assert solved == [(tmp_path, True)]
 
     def refuse(folder, plan):

@@ -78,7 +78,6 @@ FIRST = {
     "size": "mesh size",
     "socket_support": "socket",
     "friction": "friction",
-    "donning": "donning",
 }
 """What a reader wants to know of the settings first, and its words."""
 
