@@ -2,8 +2,8 @@
 
 import signal
 import sys
+import threading
 import time
-from threading import Timer
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
@@ -40,8 +40,10 @@ def handle_termination() -> None:
 def _repeat_interrupt(lost: "sys.UnraisableHookArgs") -> None:
     """Send a signal again that came while an object was freed, where Python drops exceptions."""
     if isinstance(lost.exc_value, KeyboardInterrupt):
-        # From another thread, and later: raised in here, it would be dropped as well.
-        Timer(REPEAT_S, signal.raise_signal, [_signal_of(lost.exc_value)]).start()
+        # From another thread, and later: raised in here, it would be dropped as well. To the main
+        # thread, for it to wake up where it waits.
+        main = threading.main_thread().ident
+        threading.Timer(REPEAT_S, signal.pthread_kill, [main, _signal_of(lost.exc_value)]).start()
     else:
         sys.__unraisablehook__(lost)
 
