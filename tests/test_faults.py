@@ -380,6 +380,7 @@ class Freed:
     def __del__(self):
         signal.raise_signal({number})
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a shell's background jobs
 handle_termination()
 freed = Freed()
 try:
