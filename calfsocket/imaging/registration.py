@@ -273,13 +273,16 @@ def registered(face: Face, skin: Skin) -> Registration:
     good = [each for each in credible if each.deviation <= ratio * least]
     # Along a straight limb all places are as good: that where most of it is covered.
     best = max(good, key=lambda each: (round(each.covered, 2), -each.deviation))
-    _check_fit(best)
     stays = stayed.deviation <= _STAYS * least and stayed.covered > best.covered - _LESS_COVERED
-    if stays and best.motion.angle_from(stayed.motion) < _SAME:
-        return stayed
-    if any(other.motion.angle_from(best.motion) > _SAME for other in good):
+    stays = stays and best.motion.angle_from(stayed.motion) < _SAME
+    turned = any(other.motion.angle_from(best.motion) > _SAME for other in good)
+    # Before the fit is judged: that of a round socket depends on where it happens to lie.
+    if not stays and (turned or best.turn_error > MOST_TURN_ERROR):
         raise InputError(_TURNED)
-    _check_certain(best)
+    _check_fit(best)
+    if stays:
+        return stayed
+    _check_depth(best)
     return best
 
 
@@ -290,10 +293,8 @@ _TURNED = (
 )
 
 
-def _check_certain(best: Registration) -> None:
-    """Raise an InputError where turn or depth do not follow from the shape."""
-    if best.turn_error > MOST_TURN_ERROR:
-        raise InputError(_TURNED)
+def _check_depth(best: Registration) -> None:
+    """Raise an InputError where the depth does not follow from the shape."""
     if best.gap_error > MOST_GAP_ERROR:
         raise InputError(
             "does not show how deep the limb sits in it: the gap to the skin is known to"
