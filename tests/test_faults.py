@@ -96,7 +96,7 @@ TRIALS = (
     fails(
         "no space for the fields",
         "fields.vtu: cannot be written: No space left on device; free some space",
-        "calfsocket.postprocess.vtu:_vtu",
+        "calfsocket.postprocess.vtu:xml_text",
         error="OSError",
         words=FULL,
     ),

@@ -16,6 +16,7 @@ from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.levels import Place
 from calfsocket.meshes.limb import Limb
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM, ContactLine, running_mean
+from calfsocket.postprocess.vtu import xml_text
 
 Array = NDArray[np.float64]
 
@@ -182,11 +183,13 @@ class PressureMap:
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Write NAME.csv and NAME.vtp; return their paths."""
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
         csv, vtp = folder / f"{self.name}.csv", folder / f"{self.name}.vtp"
         with replacing(csv) as temporary:
             self.table.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
         with replacing(vtp) as temporary:
-            temporary.write_text(_vtp(self.surface()), encoding="ascii")
+            temporary.write_text(xml_text(vtkXMLPolyDataWriter(), self.surface()), encoding="ascii")
         return csv, vtp
 
 
@@ -213,19 +216,6 @@ def _at_angles(angle: Array, values: Array) -> Array:
     """Return values at the angles of a map, linear between those around the limb."""
     order = np.argsort(angle, kind="stable")
     return np.interp(angles(), angle[order], values[order], period=360.0)
-
-
-def _vtp(surface: Any) -> str:
-    """Text of a surface's file; VTK itself must not write it: on a full disk it crashes."""
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
-    writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(surface)
-    writer.SetDataModeToBinary()
-    writer.WriteToOutputStringOn()
-    writer.Write()
-    text: str = writer.GetOutputString()
-    return text
 
 
 WINDOW = f"{RUNNING_MEAN_MM:g} mm"

@@ -26,6 +26,7 @@ def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
     tissue, "tissue NAME" a tissue's number, and "load" the load of this equilibrium, 0 to 1.
     """
     import pyvista  # takes a second, which only this function needs
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     fields = quantities.fields
     n_nodes = len(fields.points)
@@ -60,16 +61,13 @@ def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
     grid.field_data["load"] = np.array([load])
     path = Path(folder) / FIELDS_FILE
     with replacing(path) as temporary:
-        temporary.write_text(_vtu(grid), encoding="ascii")
+        temporary.write_text(xml_text(vtkXMLUnstructuredGridWriter(), grid), encoding="ascii")
     return path
 
 
-def _vtu(grid: Any) -> str:
-    """Text of a grid's file. VTK itself must not write it: on a full disk it crashes."""
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
-
-    writer = vtkXMLUnstructuredGridWriter()
-    writer.SetInputData(grid)
+def xml_text(writer: Any, data: Any) -> str:
+    """Text of a file of VTK's. Its writer must not write it itself: on a full disk it crashes."""
+    writer.SetInputData(data)
     writer.SetDataModeToBinary()
     writer.WriteToOutputStringOn()
     writer.Write()
