@@ -10,6 +10,7 @@ deformable prosthetic sockets through large-sliding frictional Nitsche contact.
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +52,10 @@ _repository = Path(__file__).resolve().parent.parent
 if (_repository / "pyproject.toml").is_file() and (_repository / "meshes" / "tags.py").is_file():
     __path__.append(str(_repository))
 
+# The wheel of PyPI with dolfinx and PETSc wants to be imported before these: it loads its MPI.
+if find_spec("dolfinx_solver"):
+    import dolfinx_solver  # noqa: F401
+
 _MODULES = {
     "Contact": "contact.parameters",
     "CalfsocketError": "io.errors",
@@ -82,7 +87,7 @@ _MODULES = {
     "Study": "study.study",
 }
 """Where each public name is defined. They are imported when first used: importing the package alone
-neither starts MPI nor loads dolfinx."""
+loads neither dolfinx nor, in Debian, MPI."""
 
 __all__ = [*_MODULES]
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import dolfinx
 import numpy as np
-from dolfinx.io import gmshio
+from dolfinx.graph import adjacencylist
 from dolfinx.io.utils import distribute_entity_data
 from dolfinx.mesh import GhostMode, Mesh, MeshTags
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.io.errors import CalfsocketError
+from calfsocket.io.fenics import cell_partitioner, cell_perm_array, ufl_mesh
 from calfsocket.meshes.gmsh_model import TRIANGLE6
 from calfsocket.meshes.triangles import TriangleMesh
 
@@ -75,24 +76,25 @@ def distribute(comm: MPI.Comm, build: Callable[[], TriangleMesh]) -> SectionMesh
             boundaries=names[1],
         )
 
-    domain = gmshio.ufl_mesh(TRIANGLE6, 2, dtype=np.float64)
+    domain = ufl_mesh(TRIANGLE6, 2, dtype=np.float64)
     cell_type = dolfinx.mesh.CellType
-    cells = triangles.cells[:, gmshio.cell_perm_array(cell_type.triangle, 6)].copy()
-    facets = triangles.facets[:, gmshio.cell_perm_array(cell_type.interval, 3)].copy()
+    cells = triangles.cells[:, cell_perm_array(cell_type.triangle, 6)].copy()
+    facets = triangles.facets[:, cell_perm_array(cell_type.interval, 3)].copy()
     mesh = dolfinx.mesh.create_mesh(
         comm,
         cells,
-        triangles.points.copy(),
-        domain,
-        dolfinx.mesh.create_cell_partitioner(GhostMode.shared_facet),
+        x=triangles.points.copy(),
+        e=domain,
+        partitioner=cell_partitioner(GhostMode.shared_facet),
     )
 
     def tags(dim: int, entities: np.ndarray, values: np.ndarray, name: str) -> MeshTags:
         local_entities, local_values = distribute_entity_data(mesh, dim, entities, values)
         mesh.topology.create_connectivity(dim, 0)
         mesh.topology.create_connectivity(dim, mesh.topology.dim)
-        adjacency = dolfinx.cpp.graph.AdjacencyList_int32(local_entities)
-        meshtags = dolfinx.mesh.meshtags_from_entities(mesh, dim, adjacency, local_values)
+        meshtags = dolfinx.mesh.meshtags_from_entities(
+            mesh, dim, adjacencylist(local_entities), local_values
+        )
         meshtags.name = name
         return meshtags
 

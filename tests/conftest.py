@@ -3,7 +3,9 @@
 import gc
 import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +18,17 @@ if TYPE_CHECKING:
     from calfsocket.simulation.results import Results
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-ENVIRONMENT = REPOSITORY / "debian13-environment"
 #: A rank that waits gives its processor away: other tests run beside it, on as many cores as ranks.
 POLITE = {"OMPI_MCA_mpi_yield_when_idle": "1"}
+
+
+def on_ranks(n: int, program: Sequence[str | Path]) -> list[str]:
+    """Return the command that runs a Python program on n ranks of the MPI that is here."""
+    if find_spec("dolfinx_solver"):  # installed by pip, with an MPI of its own
+        command = [Path(sys.prefix) / "bin" / "mpirun", "-n", n, sys.executable, *program]
+    else:
+        command = [REPOSITORY / "debian13-environment", "mpirun", "-n", n, "python3", *program]
+    return [str(word) for word in command]
 
 
 @pytest.fixture(autouse=True)
@@ -44,11 +54,11 @@ def launch(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     def run(
         n: int, program: Sequence[str | Path], timeout: float = 300
     ) -> subprocess.CompletedProcess[str]:
-        command = [ENVIRONMENT, "mpirun", "-n", str(n), "python3", *program]
-        ours = ("OMPI_", "PMIX_", "PRTE_")  # of the MPI job that this process is
+        command = on_ranks(n, program)
+        ours = ("OMPI_", "PMIX_", "PRTE_", "PMI_")  # of the MPI job that this process is
         environment = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
         process = subprocess.Popen(
-            [str(word) for word in command],
+            command,
             cwd=tmp_path,
             env=environment | POLITE,
             stdout=subprocess.PIPE,

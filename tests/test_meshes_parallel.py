@@ -12,6 +12,7 @@ from geometry import LIMB, section_of
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
+from calfsocket.io.fenics import cell_nodes
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.meshes.section import section_mesh
@@ -36,7 +37,7 @@ def fingerprint(comm: MPI.Comm, section: SectionMesh) -> str:
         (
             mesh.topology.original_cell_index[:owned],
             section.cell_tags.values[:owned],
-            mesh.geometry.input_global_indices[mesh.geometry.dofmap[:owned]],
+            mesh.geometry.input_global_indices[cell_nodes(mesh)[:owned]],
             mesh.geometry.input_global_indices,
             mesh.geometry.x,
             facets,
@@ -72,7 +73,7 @@ def coarse() -> TriangleMesh:
 def test_the_numbering_of_gmsh_is_found_again(coarse: TriangleMesh) -> None:
     mesh = distribute(MPI.COMM_SELF, lambda: coarse).mesh
     assert np.array_equal(mesh.geometry.x[:, :2], coarse.points[mesh.geometry.input_global_indices])
-    nodes = mesh.geometry.input_global_indices[mesh.geometry.dofmap]
+    nodes = mesh.geometry.input_global_indices[cell_nodes(mesh)]
     cells = coarse.cells[mesh.topology.original_cell_index]
     assert np.array_equal(np.sort(nodes, axis=1), np.sort(cells, axis=1))
 

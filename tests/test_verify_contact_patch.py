@@ -10,10 +10,11 @@ from calfsocket.verification.contact_patch import EQUAL, STIFF, patch, shifted, 
 
 RANKS = """
 import json, sys
-import dolfinx, numpy as np
-from mpi4py import MPI
-from calfsocket.meshes import rings
+import numpy as np
+from calfsocket.meshes import distributed, rings
 from calfsocket.verification.contact_patch import shifted
+from dolfinx.cpp.graph import AdjacencyList_int32
+from mpi4py import MPI
 
 owner = json.loads(sys.argv[1])  # rank of the limb and of the socket, or null
 if owner is not None:
@@ -28,11 +29,11 @@ if owner is not None:
     def by_body(mode):
         def partition(comm, n, cell_types, cells):
             ranks = np.where(parts["tags"] == 1, *owner) if comm.rank == 0 else np.empty(0)
-            return dolfinx.cpp.graph.AdjacencyList_int32(ranks.astype(np.int32).reshape(-1, 1))
+            return AdjacencyList_int32(ranks.astype(np.int32).reshape(-1, 1))
         return partition
 
     rings.build = remember
-    dolfinx.mesh.create_cell_partitioner = by_body
+    distributed.cell_partitioner = by_body
 result = shifted(MPI.COMM_WORLD, h=4.0)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(result.__dict__ | {"force": result.force.tolist()}))

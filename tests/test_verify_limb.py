@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
 from calfsocket.io.errors import InputError
+from calfsocket.io.fenics import cell_nodes
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
@@ -35,7 +36,7 @@ def ring_balance(steps, overclosure=0.8, oval=0.0, friction=0.4):
     """Energies of a ring pressed in equal steps; an `oval` socket is wider and lower by a share."""
     laws = MaterialSet.paper("separate").tissue_laws()
     mesh = ring_mesh(MPI.COMM_SELF, LAYERS, (32.0 - overclosure, 36.0), 4.0)
-    nodes = np.unique(mesh.mesh.geometry.dofmap[mesh.cell_tags.find(mesh.regions["socket"])])
+    nodes = np.unique(cell_nodes(mesh.mesh)[mesh.cell_tags.find(mesh.regions["socket"])])
     mesh.mesh.geometry.x[nodes] *= (1.0 + oval, 1.0 - oval, 1.0)
     regions = {name: laws[name] for name in mesh.regions}
     model = limb_problem(mesh, regions, Contact(friction=friction))

@@ -29,7 +29,7 @@ from calfsocket import cli
 from calfsocket.commands import CASE_FAILED, OK
 from calfsocket.io import errors
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.meshes import section, tags
+from calfsocket.meshes import distributed, section, tags
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import check_placement
 from calfsocket.meshes.socket import NormalOffset, Socket
@@ -209,7 +209,7 @@ def share_out(owners: tuple[int, int]) -> None:
         return partition
 
     section.build = remember
-    dolfinx.mesh.create_cell_partitioner = by_body
+    distributed.cell_partitioner = by_body
 
 
 def after_precompiling(task: Callable[[], None]) -> None:

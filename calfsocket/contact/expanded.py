@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from calfsocket.contact.interface import ContactInterface
+from calfsocket.io.fenics import cell_nodes
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 
@@ -51,7 +52,7 @@ class ExpandedSocket(WholeOverclosure):
             moved.append(tags.LINER)
         cells = np.concatenate([section.cell_tags.find(section.regions[name]) for name in moved])
         self._centre = self.chain.reference[:, 2].mean(axis=0)
-        self._nodes = np.unique(section.mesh.geometry.dofmap[cells])
+        self._nodes = np.unique(cell_nodes(section.mesh)[cells])
         self._unswollen = section.mesh.geometry.x[self._nodes, :2].copy()
         if self._smallest_gap(0.0) < CLEARANCE:
             self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)

@@ -20,6 +20,7 @@ from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, s
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.io.errors import InputError
+from calfsocket.io.fenics import cell_nodes, evaluate
 from calfsocket.materials.fields import LawFields, kind
 from calfsocket.materials.law import Law
 from calfsocket.meshes.distributed import SectionMesh
@@ -87,7 +88,7 @@ class Face:
         cells, local = entities[:, 0], entities[:, 1]
         # Order-2 geometry: nodes 0-2 are the vertices, 3-5 the mid-sides opposite to them.
         local_nodes = np.column_stack([_EDGE_VERTICES[local], 3 + local])
-        geometry_nodes = np.take_along_axis(domain.geometry.dofmap[cells], local_nodes, axis=1)
+        geometry_nodes = np.take_along_axis(cell_nodes(domain)[cells], local_nodes, axis=1)
         layouts = [V.sub(0).sub(c).dofmap.dof_layout for c in range(2)]
         closure = np.array(
             [
@@ -105,7 +106,7 @@ class Face:
         )
         nodes = np.asarray(domain.geometry.x[geometry_nodes][:, :, :2], dtype=np.float64)
         # The vertex opposite to an edge has the edge's local number.
-        opposite = domain.geometry.dofmap[cells, local]
+        opposite = cell_nodes(domain)[cells, local]
         inside = np.asarray(domain.geometry.x[opposite, :2], dtype=np.float64)
         return cls(entities, nodes, dofs, inside.reshape(-1, 2))
 
@@ -179,7 +180,6 @@ class ContactInterface:
         self.active_set = ActiveSet(self.comm)
         self._w = w
         self._mesh = domain
-        self._entities = self.skin.entities.ravel()
         self._set_up_socket(socket)
 
         self._on_edge = 0.5 * (self.edge_parameters + 1)[:, None]
@@ -280,7 +280,7 @@ class ContactInterface:
 
     def _evaluate(self, expression: fem.Expression) -> FloatArray:
         """Evaluate on the skin's edges; one row an edge."""
-        return expression.eval(self._mesh, self._entities)
+        return evaluate(expression, self._mesh, self.skin.entities)
 
     # -- contact --------------------------------------------------------------------------------
 

@@ -44,7 +44,8 @@ class Body:
             position.interpolate(lambda x, c=component: x[c])
             one.interpolate(lambda x: np.ones(x.shape[1]))
             inside = np.unique(space.dofmap.list[cells])
-            dofs.append(np.asarray(parent, dtype=np.int32)[inside])
+            # One array, in dolfinx 0.11 in a list.
+            dofs.append(np.ravel(parent).astype(np.int32)[inside])
             reference.append(position.x.array[inside])
             shift.append(one.x.array[inside])
         return cls(*(np.stack(values, axis=1) for values in (dofs, reference, shift)))

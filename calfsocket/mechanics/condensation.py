@@ -27,11 +27,11 @@ from typing import Any
 
 import numpy as np
 from dolfinx import cpp, fem, la
-from dolfinx.common import IndexMap
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact.interface import ContactInterface, ContactTangent
+from calfsocket.io.fenics import numbering
 from calfsocket.io.petsc_options import OPTIONS_PREFIX, defaults
 from calfsocket.mechanics.kernels.cells import CellLoops
 
@@ -154,7 +154,7 @@ class CondensedTangent:
             owners = np.concatenate([owners, self._contact.along_socket(owner[face]).ravel()])
         elsewhere = (ghosts >= 0) & (owners != self._comm.rank)
         ghosts, once = np.unique(ghosts[elsewhere], return_index=True)
-        self.outside = IndexMap(
+        self.outside = numbering(
             self._comm, len(self.unknowns), ghosts, owners[elsewhere][once].astype(np.int32)
         )
         self._vector = la.vector(self.outside)
@@ -203,7 +203,7 @@ class CondensedTangent:
                 (rows, rows), (starts, self._columns, self._values), comm=self._comm
             )
             return
-        columns = pattern.column_index_map().local_to_global(self._columns[:end])
+        columns = self._csr.index_map(1).local_to_global(self._columns[:end])
         self._owned = starts, columns.astype(PETSc.IntType), end
         size = (rows, self.outside.size_global)
         self.matrix = PETSc.Mat().createAIJ((size, size), comm=self._comm)

@@ -16,6 +16,7 @@ from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
+from calfsocket.io.fenics import cell_nodes, evaluate
 from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
 from calfsocket.materials.stress_free import StressFreeState
@@ -110,7 +111,12 @@ class Problem:
             self.fields,
             (self.foundation.stiffness, self.foundation.anchor) if self.foundation else None,
         )
-        self._b = la.create_petsc_vector(self.V.dofmap.index_map, self.V.dofmap.index_map_bs)
+        index_map = self.V.dofmap.index_map
+        self._b = PETSc.Vec().createGhost(
+            index_map.ghosts.astype(PETSc.IntType),
+            (index_map.size_local, index_map.size_global),
+            comm=self.comm,
+        )
         self._constrained, self.prescribed = constrained_unknowns(self.V, section, constraints)
         self.constrained = np.flatnonzero(self._constrained[: self.V.dofmap.index_map.size_local])
         self._has_values = any(constraint.values is not None for constraint in constraints)
@@ -365,7 +371,8 @@ class Problem:
         points = quadrature()[0]
         F = fem.Expression(deformation_gradient(ufl.split(self.w)[0]), points, self.comm)
         cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        gradients = F.eval(self.section.mesh, cells).reshape(len(cells), len(points), 2, 2)
+        gradients = evaluate(F, self.section.mesh, cells)
+        gradients = gradients.reshape(len(cells), len(points), 2, 2)
         state = self.fields.stress_free
         return gradients if state.tensor is None else gradients @ np.linalg.inv(state.at(points))
 
@@ -392,8 +399,8 @@ class Problem:
         mine = (np.inf, 0, 0.0, 0.0)
         if len(cell_values):
             cell = int(np.argmin(cell_values))
-            geometry = self.section.mesh.geometry
-            x, y, _ = geometry.x[geometry.dofmap[cell, :3]].mean(axis=0)
+            mesh = self.section.mesh
+            x, y, _ = mesh.geometry.x[cell_nodes(mesh)[cell, :3]].mean(axis=0)
             region = int(self.section.cell_regions()[cell])
             mine = (float(cell_values[cell]), region, float(x), float(y))
         value, tag, x, y = min(self.comm.allgather(mine))

@@ -14,6 +14,7 @@ from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.forms.measures import cauchy_stress
+from calfsocket.io.fenics import cell_nodes, evaluate
 from calfsocket.mechanics.limb_problem import bonded_to_limb
 from calfsocket.mechanics.problem import Problem
 from calfsocket.postprocess.contact_line import ContactLine
@@ -33,7 +34,7 @@ def section_fields(model: Problem, region_tissues: dict[str, str]) -> SectionFie
     """
     domain = model.section.mesh
     n_cells = domain.topology.index_map(2).size_local
-    nodes = domain.geometry.dofmap[:n_cells][:, _VTK_ORDER]
+    nodes = cell_nodes(domain)[:n_cells][:, _VTK_ORDER]
     F, stress, p = _at_gauss_points(model, n_cells)
     state = model.fields.stress_free
     G = np.tile(np.eye(2), (n_cells, 3, 1, 1)) if state.tensor is None else state.at(GAUSS_POINTS)
@@ -158,16 +159,16 @@ def _at_gauss_points(model: Problem, n_cells: int) -> tuple[NDArray[np.float64],
     u, p_dof = ufl.split(model.w)
     F, p = deformation_gradient(u), mixed.pressure(p_dof, fields.pressure_scale)
 
-    def evaluate(expression: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        return fem.Expression(expression, GAUSS_POINTS, comm=model.comm).eval(domain, cells)
+    def at_points(expression: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        return evaluate(fem.Expression(expression, GAUSS_POINTS, comm=model.comm), domain, cells)
 
     stress = np.empty((n_cells, 3, 4))
     for tag, material in fields.materials.items():
         cells = fields.tags.find(tag)
         cells = cells[cells < n_cells]
-        stress[cells] = evaluate(cauchy_stress(material, F, p), cells).reshape(-1, 3, 4)
+        stress[cells] = at_points(cauchy_stress(material, F, p), cells).reshape(-1, 3, 4)
     every = np.arange(n_cells, dtype=np.int32)
-    return evaluate(F, every).reshape(-1, 3, 2, 2), stress, evaluate(p, every)
+    return at_points(F, every).reshape(-1, 3, 2, 2), stress, at_points(p, every)
 
 
 def _nodal_displacement(model: Problem, n_cells: int) -> NDArray[np.float64]:

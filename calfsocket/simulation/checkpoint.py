@@ -19,6 +19,7 @@ from petsc4py import PETSc
 from pydantic import TypeAdapter
 
 from calfsocket.io.errors import CalfsocketError, in_one_line
+from calfsocket.io.fenics import cell_nodes
 from calfsocket.io.files import replacing
 from calfsocket.io.versions import versions
 from calfsocket.mechanics.problem import Problem
@@ -50,7 +51,7 @@ class Checkpoint:
         self._model = model
         domain = model.section.mesh
         text = json.dumps(inputs, sort_keys=True, default=str)
-        mesh = self._collect_cells(np.asarray(domain.geometry.x[domain.geometry.dofmap]))
+        mesh = self._collect_cells(np.asarray(domain.geometry.x[cell_nodes(domain)]))
         digest = ""
         if mesh is not None:
             digest = hashlib.sha256(text.encode() + mesh.tobytes()).hexdigest()

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
-from dolfinx.common import timing
 from petsc4py import PETSc
 from rich.table import Table
+
+from calfsocket.io.fenics import timed
 
 PROFILE_FILE = "profile.csv"
 
@@ -133,11 +134,4 @@ def _events() -> dict[str, tuple[int, float]]:
 
 
 def _timers() -> dict[str, tuple[int, float]]:
-    found = {}
-    for name in DOLFINX_TIMERS:
-        try:
-            count, seconds, *_ = timing(name)
-        except RuntimeError:  # not used so far
-            count, seconds = 0, 0.0
-        found[name] = int(count), float(seconds)
-    return found
+    return {name: timed(name) for name in DOLFINX_TIMERS}

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from calfsocket.forms import measures, mixed
+from calfsocket.io.fenics import evaluate
 from calfsocket.materials.fields import Kind, kind
 from calfsocket.materials.laws import Law, Ogden
 from calfsocket.materials.material_set import MaterialSet
@@ -70,7 +71,7 @@ def at_point(
     for constant, value in zip(constants, (F, dF, p, dp, *law.coefficients()), strict=True):
         constant.value = value
     cell = np.array([0], dtype=np.int32)
-    psi, P, dP, sigma = (form.eval(domain, cell).ravel() for form in forms)
+    psi, P, dP, sigma = (evaluate(form, domain, cell).ravel() for form in forms)
     return Point(float(psi[0]), P.reshape(2, 2), dP.reshape(2, 2), sigma)
 
 

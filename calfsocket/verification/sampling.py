@@ -12,6 +12,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from calfsocket.contact.interface import ContactInterface
+from calfsocket.io.fenics import evaluate
 from calfsocket.materials.fields import LawFields
 from calfsocket.meshes.distributed import SectionMesh
 
@@ -39,16 +40,16 @@ def at_points(section: SectionMesh, w: fem.Function, fields: LawFields, degree: 
     cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
     u, p_dof = ufl.split(w)
 
-    def evaluate(expression: Any) -> NDArray[Any]:
-        values = fem.Expression(expression, points, comm=domain.comm).eval(domain, cells)
-        return np.asarray(values).reshape(len(cells) * len(points), -1).T
+    def values(expression: Any) -> NDArray[Any]:
+        at_points = fem.Expression(expression, points, comm=domain.comm)
+        return evaluate(at_points, domain, cells).reshape(len(cells) * len(points), -1).T
 
-    area = np.abs(evaluate(ufl.JacobianDeterminant(domain))[0])
+    area = np.abs(values(ufl.JacobianDeterminant(domain))[0])
     return Points(
-        x=evaluate(ufl.SpatialCoordinate(domain)),
-        u=evaluate(u),
-        F=evaluate(ufl.Identity(2) + ufl.grad(u)).reshape(2, 2, -1),
-        p=evaluate(fields.pressure_scale * p_dof)[0],
+        x=values(ufl.SpatialCoordinate(domain)),
+        u=values(u),
+        F=values(ufl.Identity(2) + ufl.grad(u)).reshape(2, 2, -1),
+        p=values(fields.pressure_scale * p_dof)[0],
         weight=area * np.tile(weights, len(cells)),
         region=np.repeat(section.cell_regions(), len(points)),
     )

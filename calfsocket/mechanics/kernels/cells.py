@@ -8,6 +8,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from calfsocket.forms.element import QUADRATURE_DEGREE, section_element
+from calfsocket.io.fenics import cell_nodes
 from calfsocket.materials.fields import LawFields
 from calfsocket.materials.stress_free import StressFree
 from calfsocket.mechanics.kernels import library as native
@@ -132,15 +133,14 @@ class CellLoops:
             foundation = stiffness.x.array[stiffness.function_space.dofmap.list[:, 0]]
             anchor = at_rest.x.array
         stress_free = self._stress_free_state()
-        geometry = V.mesh.geometry
         for library, cells, addresses in self._laws:
             library.call(
                 name,
                 len(cells),
                 cells,
                 self._element,
-                geometry.x,
-                geometry.dofmap,
+                V.mesh.geometry.x,
+                cell_nodes(V.mesh),
                 self._w.x.array,
                 V.dofmap.list,
                 addresses,

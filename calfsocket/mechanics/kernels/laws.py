@@ -9,13 +9,12 @@ import re
 from typing import Any
 
 import basix.ufl
-import ffcx.compiler
 import ffcx.naming
-import ffcx.options
 import numpy as np
 import ufl
 
 from calfsocket.forms import mixed
+from calfsocket.io.fenics import expression_code
 from calfsocket.materials.fields import Kind
 
 _FUNCTIONS = ("sqrt", "exp", "log", "pow")  # as vectors.h has them
@@ -67,9 +66,7 @@ class LawKernel:
 
     def _function(self, name: str, expression: Any) -> str:
         """Write one function, with FFCx's lines as its body."""
-        _, code = ffcx.compiler.compile_ufl_objects(
-            [(expression, _POINT)], options=ffcx.options.get_options({"scalar_type": "float64"})
-        )
+        code = expression_code(expression, _POINT)
         match = re.search(
             r"void tabulate_tensor_expression_\w+\([^)]*\)\n(\{.*?\n\}\n\n\})\n", code, re.S
         )
