@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 #: A rank that waits gives its processor away: other tests run beside it, on as many cores as ranks.
-POLITE = {"OMPI_MCA_mpi_yield_when_idle": "1"}
+POLITE = {"OMPI_MCA_mpi_yield_when_idle": "1", "MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
 
 
 def on_ranks(n: int, program: Sequence[str | Path]) -> list[str]:
