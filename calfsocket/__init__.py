@@ -9,6 +9,7 @@ deformable prosthetic sockets through large-sliding frictional Nitsche contact.
 >>> result = cs.Simulation(limb, socket, materials, mesh_size="coarse").solve()  # doctest: +SKIP
 """
 
+import os
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -52,8 +53,10 @@ _repository = Path(__file__).resolve().parent.parent
 if (_repository / "pyproject.toml").is_file() and (_repository / "meshes" / "tags.py").is_file():
     __path__.append(str(_repository))
 
-# The wheel of PyPI with dolfinx and PETSc wants to be imported before these: it loads its MPI.
 if find_spec("dolfinx_solver"):
+    # Installed by pip. What ./in-debian13 sets: MPI's ranks use the cores, threads only compete.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # This wheel wants to be imported before the dolfinx and petsc4py in it: it loads their MPI.
     import dolfinx_solver  # noqa: F401
 
 _MODULES = {

@@ -4,12 +4,12 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import Annotated
 
-import gmsh
 import numpy as np
 from mpi4py import MPI
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from calfsocket.io.schema import Strict, read_json
+from calfsocket.io.system import gmsh
 from calfsocket.meshes import gmsh_model, tags
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.limb import Units

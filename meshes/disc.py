@@ -7,11 +7,11 @@ The boundaries have the names of the section: what is constrained is ``tibia_med
 import math
 from typing import Annotated
 
-import gmsh
 from mpi4py import MPI
 from pydantic import Field, PositiveFloat, model_validator
 
 from calfsocket.io.schema import Strict
+from calfsocket.io.system import gmsh
 from calfsocket.meshes import gmsh_model, tags
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.triangles import TriangleMesh

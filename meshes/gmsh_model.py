@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-import gmsh
 import numpy as np
 
+from calfsocket.io.system import gmsh
 from calfsocket.meshes import tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.triangles import TriangleMesh

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-import gmsh
 import numpy as np
 from pydantic import PositiveFloat, model_validator
 
 from calfsocket.io.schema import Strict
+from calfsocket.io.system import gmsh
 from calfsocket.meshes import gmsh_model
 
 Corner = tuple[float, float, float]

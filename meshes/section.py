@@ -4,13 +4,13 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-import gmsh
 import numpy as np
 import pandas as pd
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
 from calfsocket.io.errors import InputError
+from calfsocket.io.system import gmsh
 from calfsocket.meshes import gmsh_model, sizing, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.distributed import SectionMesh, distribute

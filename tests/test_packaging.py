@@ -1,9 +1,11 @@
 """calfsocket starts from the repository's root, after an editable install, and from a wheel."""
 
+import ast
 import os
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -32,6 +34,18 @@ from calfsocket.verification import page
 for name in (*page.SUBJECTS, "verification"):
     page.TEMPLATES.get_template(f"{name}.md")
 """
+
+
+#: What the wheel of dolfinx brings, and what others have under another name.
+DISTRIBUTION_OF = {
+    **dict.fromkeys(
+        "basix cffi dolfinx dolfinx_solver ffcx mpi4py numpy petsc4py ufl".split(),
+        "dolfinx-solver-real",
+    ),
+    "PIL": "pillow",
+    "pydantic_core": "pydantic",
+    "vtkmodules": "vtk",
+}
 
 
 def run(*command: str | Path, cwd: Path) -> str:
@@ -80,6 +94,22 @@ def install(folder: Path, *what: str | Path) -> Path:
     python = folder / "venv" / "bin" / "python"
     run(python, "-m", "pip", "install", "--no-deps", "--no-build-isolation", *what, cwd=folder)
     return python
+
+
+def test_pip_installs_what_is_imported_and_nothing_else(sources: Path) -> None:
+    extras = tomllib.loads((sources / "pyproject.toml").read_text())["project"]
+    solver = extras["optional-dependencies"]["solver"]
+    imported = set()
+    for folder in ("calfsocket", "forms", "meshes"):
+        for path in (sources / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    imported |= {alias.name for alias in node.names}
+                elif isinstance(node, ast.ImportFrom) and node.module:
+                    imported.add(node.module)
+    top_level = {name.split(".")[0] for name in imported} - {"calfsocket"}
+    needed = {DISTRIBUTION_OF.get(name, name) for name in top_level - sys.stdlib_module_names}
+    assert needed == {requirement.split()[0] for requirement in solver}
 
 
 def test_from_the_repository_root(sources: Path) -> None:

@@ -39,7 +39,8 @@ def cell_nodes(mesh: Mesh) -> NDArray[np.int32]:
     """Return the geometry nodes of each local cell, (n, 6)."""
     if VERSION < (0, 10):
         return mesh.geometry.dofmap
-    return mesh.geometry.dofmaps[0]
+    geometry: Any = mesh.geometry
+    return geometry.dofmaps[0]
 
 
 def expression_code(expression: Any, points: NDArray[np.float64]) -> str:

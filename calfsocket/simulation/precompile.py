@@ -10,6 +10,7 @@ import numpy as np
 from dolfinx import jit
 from mpi4py import MPI
 
+from calfsocket.io.system import compiler_needed
 from calfsocket.materials.fields import Kind, kind
 from calfsocket.materials.law import Law
 from calfsocket.materials.material_set import BASE_SETS, MaterialSet
@@ -57,7 +58,8 @@ def precompile(
             for laws in [*_problems(sets), *([law] for law in linings)]:
                 kinds = folder, *map(kind, laws)
                 if kinds not in _compiled:
-                    _use_all_forms(laws)
+                    with compiler_needed():
+                        _use_all_forms(laws)
                     _compiled.add(kinds)
     comm.Barrier()
 

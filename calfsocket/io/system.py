@@ -1,0 +1,56 @@
+"""What an installation by pip takes from the system: a C compiler, and the libraries of gmsh."""
+
+import os
+import shlex
+import subprocess
+import sysconfig
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from calfsocket.io.errors import CalfsocketError
+
+try:
+    import gmsh as gmsh
+except OSError as error:  # its wheel is linked with those of a desktop
+    raise CalfsocketError(
+        f"gmsh cannot be loaded: {error}; it needs libraries of a desktop, in Debian 13: "
+        "apt-get install libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1; "
+        "docs/getting-started.md has a way without root"
+    ) from error
+
+_MISSING = (
+    "the forms cannot be compiled: {reason}; a C compiler and the headers of Python are needed, in "
+    "Debian 13: apt-get install gcc libc6-dev python3-dev; another compiler is named by CC"
+)
+
+
+@contextmanager
+def compiler_needed() -> Iterator[None]:
+    """Where the body fails and nothing can be compiled here, say so and what to install."""
+    try:
+        yield
+    except Exception as error:
+        reason = _cannot_compile()
+        if reason is None:
+            raise
+        raise CalfsocketError(_MISSING.format(reason=reason)) from error
+
+
+def _cannot_compile() -> str | None:
+    """Return why the smallest module of Python cannot be compiled; None if it can."""
+    compiler = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
+    include = sysconfig.get_path("include")
+    try:
+        done = subprocess.run(
+            [*compiler, f"-I{include}", "-x", "c", "-c", "-o", os.devnull, "-"],
+            input="#include <Python.h>\n",
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except OSError as error:
+        return f"{compiler[0]}: {error.strerror}"
+    if done.returncode == 0:
+        return None
+    lines = [line for line in done.stderr.splitlines() if "error" in line]
+    return lines[0].strip() if lines else f"{compiler[0]} ends with {done.returncode}"
