@@ -24,5 +24,6 @@ def versions() -> dict[str, str]:
             found[package] = "unknown"
     found["gmsh"] = gmsh.__version__
     found["petsc"] = ".".join(map(str, PETSc.Sys.getVersion()))
-    found["mpi"] = MPI.Get_library_version().split(",")[0].strip("\0\n ")
+    mpi = MPI.Get_library_version().strip("\0\n ").splitlines()[0].split(",")[0]
+    found["mpi"] = " ".join(mpi.split())
     return found
