@@ -13,7 +13,7 @@ from calfsocket.io.system import compiler_needed
 
 def test_a_missing_compiler_is_named_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "no-compiler -O2")
-    with pytest.raises(CalfsocketError, match="no-compiler: No such file.*apt-get") as caught:
+    with pytest.raises(CalfsocketError, match=r"no-compiler: No such file.*apt-get") as caught:
         with compiler_needed():
             raise RuntimeError("cffi gave up")
     assert str(caught.value.__cause__) == "cffi gave up"
