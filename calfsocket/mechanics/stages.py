@@ -11,8 +11,8 @@ from calfsocket.contact.friction import SLIP
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.resultants import Resultants, Slid, resultants
 from calfsocket.io.errors import ConvergenceError
-from calfsocket.mechanics.frame import COMPONENTS, FREE, Control, RigidFrame
-from calfsocket.mechanics.loading import Stage, Targets
+from calfsocket.mechanics.carrier import COMPONENTS, FREE, Carrier, Control
+from calfsocket.mechanics.loading import Carried, Stage, Targets
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
@@ -114,8 +114,9 @@ class StageStepper:
         Where lateral and anterior are.
     tissues : mapping of region name to str
         Tissue of each region, for changes of volume.
-    carried : bool
-        Whether a rigid frame carries the socket's outer face from now on.
+    carried : {"frame", "evenly"}, optional
+        What carries the socket's outer face from now on: a rigid frame, or an even load; by default
+        nothing does.
     on_iteration, on_step : callable, optional
         As of `LoadStepper`; the load is the share of the way to the stage's values.
 
@@ -136,7 +137,7 @@ class StageStepper:
         donned: LoadStepper,
         axes: Frame,
         tissues: Mapping[str, str] | None = None,
-        carried: bool = True,
+        carried: Carried | None = None,
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
     ) -> None:
@@ -144,7 +145,7 @@ class StageStepper:
         self._axes, self._tissues = axes, dict(tissues or {})
         state = self.problem.contact.state()
         if carried:
-            self.problem.carry(tags.SOCKET_OUTER)
+            self.problem.carry(tags.SOCKET_OUTER, evenly=carried == "evenly")
         self.stepper = LoadStepper(
             self.problem, (1.0,), on_iteration, on_step, on_milestone=self._arrive
         )
@@ -158,10 +159,10 @@ class StageStepper:
         self.points: list[Point] = []
         self.limits: list[Limit] = []
         self.problem.residual(self.x, self.x.duplicate())
-        if self.frame is not None:
+        if self.carrier is not None:
             # Where the outer face is fixed already, a force holds it.
-            self._force = self.frame.force(self.problem.bodies_residual)
-            self.frame.control = replace(FREE, force=self._force)
+            self._force = self.carrier.force(self.problem.bodies_residual)
+            self.carrier.control = replace(FREE, force=self._force)
             self._compliance = self._compliances()
         self.points.append(self._point(state, 0))
 
@@ -171,9 +172,9 @@ class StageStepper:
         return self.stepper.newton.x
 
     @property
-    def frame(self) -> RigidFrame | None:
-        """The frame, if there is one."""
-        return self.problem.frame
+    def carrier(self) -> Carrier | None:
+        """What carries the socket's outer face, if it is loaded."""
+        return self.problem.carrier
 
     def run(self, stage: Stage) -> Limit | None:
         """Go through a stage; return the last limit that its forces came to, if any (collective).
@@ -210,8 +211,8 @@ class StageStepper:
                     for tissue, end in end_volume.items()
                 }
             )
-            if self.frame is not None:
-                self.frame.control = Control.of(
+            if self.carrier is not None:
+                self.carrier.control = Control.of(
                     held, force + share * (end_force - force), place + share * (end_place - place)
                 )
 
@@ -265,26 +266,26 @@ class StageStepper:
         Each step goes on by a share of the way that the donned socket's tangent has for the whole
         force; it grows where Newton's method finds it easy.
         """
-        frame = self.frame
-        assert frame is not None
-        change = np.where(held, 0.0, frame.scale * (end_force - force))
+        carrier = self.carrier
+        assert carrier is not None
+        change = np.where(held, 0.0, carrier.scale * (end_force - force))
         size = float(np.linalg.norm(change))
         unit = change / size
 
         def along(values: FloatArray) -> float:
             return float(unit @ values)
 
-        way = min(abs(along(self._compliance @ change)), LONGEST_WAY * frame.radius)
-        origin = along(frame.place / frame.scale)
+        way = min(abs(along(self._compliance @ change)), LONGEST_WAY * carrier.radius)
+        origin = along(carrier.place / carrier.scale)
 
         def share() -> float:
-            return along(frame.scale * (self.points[-1].force - force)) / size
+            return along(carrier.scale * (self.points[-1].force - force)) / size
 
         shares, ways = [share()], [0.0]
         whole = Control.of(held, end_force, end_place)
         advance = step * way
         for _ in range(MOST_STEPS):
-            here, before = self._snapshot(), frame.control
+            here, before = self._snapshot(), carrier.control
             if len(ways) > 1:
                 rise = (shares[-1] - shares[-2]) / (ways[-1] - ways[-2])
                 if shares[-1] + rise * advance >= 1.0:
@@ -294,7 +295,7 @@ class StageStepper:
                         advance *= CUTBACK
                     else:
                         return None
-            target = frame.place + advance * frame.scale * unit
+            target = carrier.place + advance * carrier.scale * unit
             control = Control.along(held, force, np.where(held, end_place, target), change)
             try:
                 self._run(ONE_STEP, self._choice(before, control))
@@ -308,10 +309,10 @@ class StageStepper:
                 advance *= CUTBACK
                 continue
             shares.append(share())
-            ways.append(along(frame.place / frame.scale) - origin)
+            ways.append(along(carrier.place / carrier.scale) - origin)
             if self._at_limit(ways, shares, force, unit, size):
                 best = int(np.argmax(shares))
-                reached = force + shares[best] * size * unit / frame.scale
+                reached = force + shares[best] * size * unit / carrier.scale
                 found = Limit(self._stage, reached, end_force)
                 self.limits.append(found)
                 return found
@@ -328,9 +329,9 @@ class StageStepper:
 
     def _return(self, here: Milestone, control: Control) -> None:
         """Go back to an equilibrium, the last but one (collective)."""
-        assert self.frame is not None
+        assert self.carrier is not None
         here.unknowns.copy(self.x)
-        self.frame.control = control
+        self.carrier.control = control
         self.problem.slip_history = here.converged_arc
         self.problem.residual(self.x, self.x.duplicate())
         self._state = self.problem.contact.state()
@@ -345,35 +346,35 @@ class StageStepper:
         size: float,
     ) -> bool:
         """Whether the force has risen by less than `LIMIT` over the last part of the way."""
-        assert self.frame is not None
+        assert self.carrier is not None
         if ways[-1] <= 0.0:
             return False
         then = float(np.interp((1.0 - LAST_PART) * ways[-1], ways, shares))
-        total = abs(float(unit @ (self.frame.scale * force)) + shares[-1] * size)
+        total = abs(float(unit @ (self.carrier.scale * force)) + shares[-1] * size)
         return (shares[-1] - then) * size < LIMIT * total
 
     def _choice(self, before: Control, after: Control) -> Callable[[float], None]:
         """Return what sets one control before a step, and another one for it."""
-        frame = self.frame
-        assert frame is not None
+        carrier = self.carrier
+        assert carrier is not None
 
         def set_share(share: float) -> None:
-            frame.control = after if share > 0.0 else before
+            carrier.control = after if share > 0.0 else before
 
         return set_share
 
     def _compliances(self) -> FloatArray:
-        """Motion of the frame by its forces in the present state, s^-1 dp/d(s G) (collective)."""
-        frame, newton = self.frame, self.stepper.newton
-        assert frame is not None
+        """Motion of the carrier by its forces in the present state, s^-1 dp/d(s G) (collective)."""
+        carrier, newton = self.carrier, self.stepper.newton
+        assert carrier is not None
         newton.factorise()
         columns = []
         for unit in np.eye(COMPONENTS):
             residual = self.x.duplicate()
             residual.set(0.0)
-            if frame.extra:
+            if carrier.extra:
                 residual.array[-COMPONENTS:] = unit
-            columns.append(frame.of_all(newton.correction(residual).array_r) / frame.scale)
+            columns.append(carrier.motion(newton.correction(residual)) / carrier.scale)
         return np.column_stack(columns)
 
     # -- equilibria -------------------------------------------------------------------------------
@@ -385,7 +386,7 @@ class StageStepper:
         self._state = state
 
     def _point(self, state: ContactState, iterations: int) -> Point:
-        contact, frame, comm = self.problem.contact, self.frame, self.problem.comm
+        contact, carrier, comm = self.problem.contact, self.carrier, self.problem.comm
         last = self.points[-1] if self.points else None
         weight = contact.points.weight
         closed = state.traction.pressure > 0
@@ -398,8 +399,8 @@ class StageStepper:
         work, touching, slipping = comm.allreduce(np.array(sums))
         whole = resultants(contact, state)
         force, place = np.zeros((2, COMPONENTS))
-        if frame is not None:
-            force, place = frame.force(self.problem.bodies_residual), frame.place.copy()
+        if carrier is not None:
+            force, place = carrier.force(self.problem.bodies_residual), carrier.place.copy()
         applied = 0.5 * (last.force + force) @ (place - last.place) if last else 0.0
         return Point(
             stage=self._stage,

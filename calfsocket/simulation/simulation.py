@@ -202,7 +202,8 @@ class Simulation:
         # What is as by default is left out, so that earlier results keep their fingerprints.
         added: dict[str, Any] = {}
         if self.loading:
-            added["loading"] = self.loading.model_dump(mode="json")
+            by_default = {"carried"} if self.loading.carried == "frame" else None
+            added["loading"] = self.loading.model_dump(mode="json", exclude=by_default)
         if self.donning != "gap":
             added["donning"] = self.donning
         return {
@@ -353,7 +354,7 @@ class Simulation:
                 donned,
                 frame,
                 self.limb.tissues,
-                loading.moves_socket,
+                loading.carried if loading.moves_socket else None,
                 lambda _, number, norm: monitor.iteration(1.0, number, norm),
                 on_step,
             )
@@ -420,8 +421,8 @@ def check_loading(loading: Loading, limb: Limb, support: SocketSupport) -> None:
         with error_context(f"loads.{number} ({stage.name})"):
             if stage.moves_socket and support == "outer-fixed":
                 raise InputError(
-                    "a socket that is fixed at its outer face has no frame to be loaded or moved "
-                    "by; choose support floating, or change volumes alone"
+                    "a socket that is fixed at its outer face cannot be loaded or moved; choose "
+                    "support floating, or change volumes alone"
                 )
             stage.targets(limb.frame)
             for tissue in stage.tissue_volumes:
