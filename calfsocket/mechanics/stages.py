@@ -103,6 +103,47 @@ class Limit:
     asked: FloatArray
 
 
+@dataclass(frozen=True)
+class StageMilestone:
+    """All that a stage needs to continue from an equilibrium as if it had never stopped.
+
+    Attributes
+    ----------
+    stage : str
+        Its name.
+    ways : int
+        How many of its ways (`legs`) are done.
+    way : Milestone
+        Where on the next one it is; the load is the share of it.
+    held : (3,) bool
+        Components whose place is held, when that way began.
+    force, place : (3,) float
+        Force and place then, as of `Point`.
+    volume : mapping of str to float
+        Change of volume then.
+    control : Control, optional
+        What is prescribed in the equilibrium, where the socket is carried.
+    points : tuple of Point
+        All equilibria since the donned state.
+    limits : tuple of Limit
+        Those found so far.
+    steps : tuple of LoadStep
+        Load steps of the stage.
+    """
+
+    stage: str
+    ways: int
+    way: Milestone
+    held: NDArray[np.bool_]
+    force: FloatArray
+    place: FloatArray
+    volume: Mapping[str, float]
+    control: Control | None
+    points: tuple[Point, ...]
+    limits: tuple[Limit, ...]
+    steps: tuple[LoadStep, ...]
+
+
 class StageStepper:
     """Leads a donned problem through stages of loading.
 
@@ -119,6 +160,8 @@ class StageStepper:
         nothing does.
     on_iteration, on_step : callable, optional
         As of `LoadStepper`; the load is the share of the way to the stage's values.
+    on_milestone : callable, optional
+        Called with each `StageMilestone` on every rank; its vectors change when the run continues.
 
     Attributes
     ----------
@@ -130,6 +173,8 @@ class StageStepper:
         All equilibria, the donned one first.
     limits : list of Limit
         Those found.
+    steps : list of LoadStep
+        Load steps of the stage, failed ones too.
     """
 
     def __init__(
@@ -140,22 +185,26 @@ class StageStepper:
         carried: Carried | None = None,
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
+        on_milestone: Callable[[StageMilestone], None] | None = None,
     ) -> None:
+        self._on_step, self.on_milestone = on_step, on_milestone
         self.problem: Problem = donned.problem
         self._axes, self._tissues = axes, dict(tissues or {})
         state = self.problem.contact.state()
         if carried:
             self.problem.carry(tags.SOCKET_OUTER, evenly=carried == "evenly")
         self.stepper = LoadStepper(
-            self.problem, (1.0,), on_iteration, on_step, on_milestone=self._arrive
+            self.problem, (1.0,), on_iteration, self._take_step, on_milestone=self._arrive
         )
         unknowns = donned.newton.x.array_r
         self.x.array[: len(unknowns)] = unknowns
-        self._held = np.zeros(COMPONENTS, dtype=bool)
+        self._held: NDArray[np.bool_] = np.zeros(COMPONENTS, dtype=bool)
         self._force, self._place = np.zeros((2, COMPONENTS))
         self._volume: dict[str, float] = {}
+        self._volume_before: dict[str, float] = {}
         self._state = state
-        self._stage = ""
+        self._stage, self._ways = "", 0
+        self.steps: list[LoadStep] = []
         self.points: list[Point] = []
         self.limits: list[Limit] = []
         self.problem.residual(self.x, self.x.duplicate())
@@ -176,8 +225,15 @@ class StageStepper:
         """What carries the socket's outer face, if it is loaded."""
         return self.problem.carrier
 
-    def run(self, stage: Stage) -> Limit | None:
+    def run(self, stage: Stage, start: StageMilestone | None = None) -> Limit | None:
         """Go through a stage; return the last limit that its forces came to, if any (collective).
+
+        Parameters
+        ----------
+        stage : Stage
+            The stage.
+        start : StageMilestone, optional
+            An equilibrium of this stage to continue from; its end is one, too.
 
         Raises
         ------
@@ -185,17 +241,38 @@ class StageStepper:
             If there is no equilibrium on the way, and that is not for a limit of the force. The
             problem then holds the last one.
         """
-        self._stage = stage.name
-        found = None
-        for targets in legs(stage, self._axes):
-            found = self._go(targets, stage.steps) or found
-        return found
+        self._stage, self._ways, self.steps = stage.name, 0, []
+        way = None
+        if start is not None:
+            self._restore(start)
+            way = start.way if start.way.load > 0.0 else None
+        for targets in list(legs(stage, self._axes))[self._ways :]:
+            self._go(targets, stage.steps, way)
+            way = None
+            self._ways += 1
+            self._reach(self._snapshot())
+        mine = [limit for limit in self.limits if limit.stage == stage.name]
+        return mine[-1] if mine else None
+
+    def _restore(self, start: StageMilestone) -> None:
+        """Take an equilibrium of an earlier run (collective)."""
+        self._ways, self.steps = start.ways, list(start.steps)
+        self._held, self._force, self._place = start.held, start.force, start.place
+        self.points, self.limits = list(start.points), list(start.limits)
+        self._set_volume(start.volume)
+        start.way.unknowns.copy(self.x)
+        if self.carrier is not None and start.control is not None:
+            self.carrier.control = start.control
+        self.problem.slip_history = start.way.converged_arc
+        self.problem.residual(self.x, self.x.duplicate())
+        self._state = self.problem.contact.state()
 
     # -- one way ----------------------------------------------------------------------------------
 
-    def _go(self, targets: Targets, steps: int) -> Limit | None:
-        """Go to the targets in steps, as far as possible."""
+    def _go(self, targets: Targets, steps: int, way: Milestone | None) -> Limit | None:
+        """Go to the targets in steps, as far as possible; perhaps from a place on the way."""
         held, volume = self._held.copy(), dict(self._volume)
+        self._volume_before = volume
         force, place = self._force, self._place
         end_force, end_place = force.copy(), place.copy()
         for component, value in targets.force.items():
@@ -219,10 +296,11 @@ class StageStepper:
         limit = None
         if targets.place or targets.volume or np.array_equal(force, end_force):
             size = 1.0 / steps
-            self._run(LoadSteps(first=size, largest=size, smallest=SMALLEST * size), set_share)
+            control = LoadSteps(first=size, largest=size, smallest=SMALLEST * size)
+            self._run(control, set_share, way)
         else:
             try:
-                self._run([(k + 1) / steps for k in range(steps)], set_share)
+                self._run([(k + 1) / steps for k in range(steps)], set_share, way)
             except ConvergenceError:
                 limit = self._along(held, force, end_force, end_place, 1.0 / steps)
         self._held = held
@@ -244,14 +322,17 @@ class StageStepper:
             self.problem.set_stress_free(states)
 
     def _run(
-        self, control: LoadSteps | Sequence[float], set_share: Callable[[float], None]
+        self,
+        control: LoadSteps | Sequence[float],
+        set_share: Callable[[float], None],
+        way: Milestone | None = None,
     ) -> None:
-        """Run the stepper over one way."""
+        """Run the stepper over one way, or on from a place on it."""
         stepper, problem = self.stepper, self.problem
         stepper.control = control
         first = control.first if isinstance(control, LoadSteps) else 1.0
         here = Milestone(0.0, 0.0, first, self.x, self.x, problem.slip_history)
-        stepper.run(here, lambda before, after: set_share(after))
+        stepper.run(way or here, lambda before, after: set_share(after))
 
     def _along(
         self,
@@ -384,6 +465,35 @@ class StageStepper:
         state = self.problem.contact.state()
         self.points.append(self._point(state, milestone.steps[-1].newton.iterations))
         self._state = state
+        # The end of a way is handed on when it is complete; where the place along a force is
+        # prescribed, each step is a way of its own, and all of them begin again.
+        if milestone.load < 1.0:
+            self._reach(milestone)
+
+    def _take_step(self, step: LoadStep) -> None:
+        self.steps.append(step)
+        if self._on_step is not None:
+            self._on_step(step)
+
+    def _reach(self, way: Milestone) -> None:
+        """Hand on that an equilibrium is reached."""
+        if self.on_milestone is None:
+            return
+        self.on_milestone(
+            StageMilestone(
+                stage=self._stage,
+                ways=self._ways,
+                way=way,
+                held=self._held,
+                force=self._force,
+                place=self._place,
+                volume=self._volume if way.load == 0.0 else self._volume_before,
+                control=self.carrier.control if self.carrier is not None else None,
+                points=tuple(self.points),
+                limits=tuple(self.limits),
+                steps=tuple(self.steps),
+            )
+        )
 
     def _point(self, state: ContactState, iterations: int) -> Point:
         contact, carrier, comm = self.problem.contact, self.carrier, self.problem.comm
