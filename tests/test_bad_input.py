@@ -252,7 +252,14 @@ TRIALS = (
     Trial("a force on a socket that has no frame",
           GOOD.replace('"coarse"', '"coarse"\nsocket_support = "outer-fixed"')
           + STAGE + 'force.anterior = "1 N/mm"\n',
-          ("loads.0 (push): a socket that is fixed at its outer face has no frame",)),
+          ("loads.0 (push): a socket that is fixed at its outer face cannot be loaded",)),
+    Trial("a displacement of a face that is loaded evenly",
+          GOOD.replace('"coarse"', '"coarse"\nsocket_carried = "evenly"')
+          + STAGE + 'displacement.anterior = "1 mm"\n',
+          ("model.socket_carried: stage push: displacement: an outer face loaded evenly",)),
+    Trial("an unknown way to carry the socket",
+          GOOD.replace('"coarse"', '"coarse"\nsocket_carried = "springs"'),
+          ("model.socket_carried: is 'springs'; it must be 'frame' or 'evenly'",)),
     Trial("a force to two opposite sides",
           GOOD + STAGE + 'force = { anterior = "1 N/mm", posterior = "1 N/mm" }\n',
           ("loads.0: anterior and posterior: lie along one line",)),

@@ -1,4 +1,4 @@
-"""A rigid frame that carries the socket: exact tangent, elastic slope, equilibrium, ranks."""
+"""What carries the socket, a rigid frame or an even load: tangent, slope, equilibrium, ranks."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
 from calfsocket.contact.resultants import resultants
-from calfsocket.mechanics.frame import Control
+from calfsocket.mechanics.carrier import Control
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.newton import Newton
 from calfsocket.mechanics.stepping import LoadStepper
@@ -24,13 +24,13 @@ LOAD = np.array([2e-2, 1e-2, 0.4])
 FREE = (False, False, False)
 
 
-def carried(ring=RING, comm=MPI.COMM_SELF):
-    """Press a floating socket on the ring, and let a frame carry it."""
+def carried(ring=RING, comm=MPI.COMM_SELF, evenly=False):
+    """Press a floating socket on the ring, and let a frame or an even load carry it."""
     problem = limb_problem(ring.mesh(comm), ring.laws, Contact(friction=ring.friction))
     stepper = LoadStepper(problem, (1.0,))
     stepper.run()
     problem.accept()
-    frame = problem.carry(tags.SOCKET_OUTER)
+    frame = problem.carry(tags.SOCKET_OUTER, evenly)
     newton = Newton(problem)
     owned = stepper.newton.x.array
     newton.x.array[: len(owned)] = owned
@@ -38,7 +38,7 @@ def carried(ring=RING, comm=MPI.COMM_SELF):
 
 
 def solved(newton, control):
-    newton.problem.frame.control = control
+    newton.problem.carrier.control = control
     result = newton.solve()
     assert result.converged
     return result
@@ -52,10 +52,11 @@ CONTROLS = {
 }
 
 
+@pytest.mark.parametrize("evenly", [False, True])
 @pytest.mark.parametrize("name", CONTROLS)
-def test_the_tangent_is_the_derivative_and_is_solved_with(name):
-    """At a state that is no equilibrium, its frame turned far, nodes off their places."""
-    problem, frame, newton = carried()
+def test_the_tangent_is_the_derivative_and_is_solved_with(name, evenly):
+    """No equilibrium; the carrier is far turned or loaded, its nodes are off their places."""
+    problem, frame, newton = carried(evenly=evenly)
     frame.control = CONTROLS[name]
     rng = np.random.default_rng(3)
     x = newton.x
@@ -101,6 +102,24 @@ def test_the_limb_bears_what_the_frame_applies():
     assert torque == pytest.approx(-applied, rel=1e-6)
 
 
+def test_an_even_load_has_the_resultants_that_it_says_and_does_their_work():
+    problem, carrier, newton = carried(evenly=True)
+    solved(newton, CONTROLS["force"])
+    assert carrier.load == pytest.approx(LOAD, rel=1e-12)
+    force, torque = problem.reaction(tags.SOCKET_OUTER)
+    x, y = carrier.place[:2]  # the ring's middle was the origin
+    applied = LOAD[2] + x * LOAD[1] - y * LOAD[0]
+    assert [*force, torque] == pytest.approx([*LOAD[:2], applied], rel=1e-8)
+    assert [*problem.reaction(tags.TIBIA_MEDULLARY)[0]] == pytest.approx([*-LOAD[:2]], rel=1e-8)
+    # On the ring the traction is LOAD[:2]/L, and LOAD[2]/(L r) around, but for a deformed outline.
+    radius = RING.layers[-1][2]
+    turned = carrier.arms / carrier._weight
+    around = LOAD[2] / radius**2 * np.stack([-turned[:, 1], turned[:, 0]], axis=1)
+    traction = problem.bodies_residual[carrier.own] / carrier._weight
+    even = (LOAD[:2] + around) / (2.0 * np.pi * radius)
+    assert traction == pytest.approx(even, abs=5e-3 * np.abs(even).max())
+
+
 def test_force_and_place_are_two_ways_to_one_equilibrium():
     _, frame, newton = carried()
     solved(newton, CONTROLS["force"])
@@ -132,9 +151,11 @@ sys.path.insert(0, {os.fspath(Path(__file__).parent)!r})
 import numpy as np
 from mpi4py import MPI
 from test_frame import CONTROLS, carried, solved
-problem, frame, newton = carried(comm=MPI.COMM_WORLD)
-solved(newton, CONTROLS["force"])
-found = [*frame.place, *frame.force(problem.bodies_residual)]
+found = []
+for evenly in (False, True):
+    problem, carrier, newton = carried(comm=MPI.COMM_WORLD, evenly=evenly)
+    solved(newton, CONTROLS["force"])
+    found += [*carrier.place, *carrier.force(problem.bodies_residual), newton.negative_modes()]
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps([float(value) for value in found]))
 """

@@ -32,15 +32,15 @@ def free_pressure(ring=RING):
 LIMIT = RING.friction * free_pressure() * 2.0 * math.pi * RING.radius**2
 
 
-def donned(ring=RING, comm=MPI.COMM_SELF):
+def donned(ring=RING, carried="frame", comm=MPI.COMM_SELF):
     problem = limb_problem(ring.mesh(comm), ring.laws, Contact(friction=ring.friction))
     stepper = LoadStepper(problem, (1.0,))
     stepper.run()
-    return StageStepper(stepper, CALF)
+    return StageStepper(stepper, CALF, carried=carried)
 
 
-def follow(*stages, ring=RING):
-    stepper = donned(ring)
+def follow(*stages, ring=RING, carried="frame"):
+    stepper = donned(ring, carried)
     for stage in stages:
         stepper.run(stage)
     return stepper
@@ -94,6 +94,29 @@ def test_a_closed_cycle_dissipates_the_area_of_its_loop(turned):
 
 def test_every_equilibrium_is_balanced(turned):
     assert max(point.imbalance for point in turned.points) < 1e-7
+
+
+def test_an_even_load_turns_the_ring_as_a_frame_does():
+    """Its traction is uniform around the ring, so that slope and limit are the frame's."""
+    stepper = follow(
+        Stage(name="twist", moment=0.5 * LIMIT, steps=1),
+        Stage(name="over", moment=1.2 * LIMIT, steps=2),
+        Stage(name="release", moment=0.0, steps=1),
+        Stage(name="push", force={"lateral": 1e-4}, steps=1),
+        carried="evenly",
+    )
+    (twist,) = of_stage(stepper, "twist")
+    assert twist.place[2] / twist.force[2] == pytest.approx(RING.compliance, rel=1e-3)
+    (limit,) = stepper.limits
+    assert limit.force[2] == pytest.approx(LIMIT, rel=1e-3)
+    (release,), (push,) = of_stage(stepper, "release"), of_stage(stepper, "push")
+    assert release.force == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    left = of_stage(stepper, "over")[-1].place[2] - LIMIT * RING.compliance
+    assert release.place[2] == pytest.approx(left, rel=5e-3)
+    assert push.force == pytest.approx([1e-4, 0.0, 0.0], abs=1e-12)
+    assert push.place[0] > 0.0
+    assert max(point.imbalance for point in stepper.points) < 1e-7
+    assert stepper.stepper.newton.negative_modes() == 0
 
 
 def test_what_a_stage_does_not_name_stays():

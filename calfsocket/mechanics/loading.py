@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -16,6 +16,9 @@ from calfsocket.meshes.frame import Frame
 
 Side = Literal["lateral", "medial", "anterior", "posterior", "x", "y"]
 SoftTissue = Literal["muscle", "fat", "soft"]
+
+Carried = Literal["frame", "evenly"]
+CARRIED: tuple[Carried, ...] = get_args(Carried)
 
 DONNED = "donned"
 """Name of the state before the first stage."""
@@ -169,27 +172,37 @@ class Targets:
 class Loading(Strict):
     """Stages of loading, one after the other, after donning.
 
-    With a stage that loads the socket, a rigid frame carries the socket's outer face from the
-    donned state on, as it is then: it moves as one body with two translations and a rotation.
-    Moments count about the middle of the area within the undeformed outer face, which moves with
-    the frame.
+    Where a stage loads the socket, its outer face is carried from the donned state on, as it is
+    then. A rigid frame moves it as one body with two translations and a rotation; moments count
+    about the middle of the area within the undeformed outer face, which moves with the frame. An
+    even load leaves it free to deform; its moments count about the mean of the face, and its motion
+    is the mean translation and the rotation that fits it best.
 
     Attributes
     ----------
     stages : tuple of Stage
         At least one; each has a name of its own.
+    carried : {"frame", "evenly"}
+        Whether a rigid frame carries the socket's outer face, or forces and moments are spread
+        evenly over it.
 
     Raises
     ------
     InputError
-        If there is no stage, or a name twice.
+        If there is no stage, or a name twice, or an even load would be moved.
     """
 
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
+    carried: Carried = "frame"
 
     @model_validator(mode="after")
     def _names_differ(self) -> "Loading":
         check_names(self.stages)
+        return self
+
+    @model_validator(mode="after")
+    def _moves_a_frame(self) -> "Loading":
+        check_carried(self.stages, self.carried)
         return self
 
     @property
@@ -204,6 +217,17 @@ def check_names(stages: tuple[Stage, ...]) -> None:
     for stage in stages:
         if names.count(stage.name.casefold()) > 1:
             raise ValueError(f"two stages have the name '{stage.name}'; give each its own")
+
+
+def check_carried(stages: tuple[Stage, ...], carried: Carried) -> None:
+    """Raise a ValueError where a stage moves what nothing but an even load carries."""
+    for stage in stages if carried == "evenly" else ():
+        if stage.displacement or stage.rotation is not None:
+            key = "displacement" if stage.displacement else "rotation"
+            raise ValueError(
+                f"stage {stage.name}: {key}: an outer face loaded evenly deforms and has no place "
+                "of its own; give force and moment, or let a frame carry it"
+            )
 
 
 _LINE: dict[Side, str] = {

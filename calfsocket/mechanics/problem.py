@@ -21,10 +21,12 @@ from calfsocket.materials.fields import LawFields
 from calfsocket.materials.law import Law
 from calfsocket.materials.stress_free import StressFreeState
 from calfsocket.mechanics.bodies import Body
+from calfsocket.mechanics.carrier import COMPONENTS, Carrier
 from calfsocket.mechanics.condensation import CondensedTangent
 from calfsocket.mechanics.constraints import Constraint, constrained_unknowns
+from calfsocket.mechanics.even_load import EvenLoad
 from calfsocket.mechanics.foundation import Foundation, FoundationTerm
-from calfsocket.mechanics.frame import COMPONENTS, BorderedTangent, RigidFrame
+from calfsocket.mechanics.frame import RigidFrame
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.quality import determinant
@@ -85,8 +87,8 @@ class Problem:
         Values of all local unknowns at full load; those of constrained ones count.
     foundation : FoundationTerm or None
         The foundation.
-    frame : RigidFrame or None
-        A rigid frame that carries a boundary.
+    carrier : Carrier or None
+        What carries a boundary: a rigid frame, or an even load.
     """
 
     def __init__(
@@ -124,7 +126,7 @@ class Problem:
         self._contact: ContactInterface | None = None
         if contact is not None:
             self._contact = contact.kind(self.w, section, laws, self.fields, contact)
-        self.frame: RigidFrame | None = None
+        self.carrier: Carrier | None = None
         self._load = 0.0
 
     @property
@@ -190,17 +192,18 @@ class Problem:
         # A new mapping: callers keep the earlier one to go back to it.
         self.region_laws = {**self.region_laws, **laws}
 
-    def carry(self, boundary: str) -> RigidFrame:
-        """Let a rigid frame carry a boundary from now on, as it is (collective).
+    def carry(self, boundary: str, evenly: bool = False) -> Carrier:
+        """Let a rigid frame or an even load carry a boundary from now on, as it is (collective).
 
         Vectors and matrices then have its three unknowns, so that Newton's method must be made
         anew.
         """
-        self.frame = frame = RigidFrame(self.V, self.section, boundary, self.w.x.array)
+        kind = EvenLoad if evenly else RigidFrame
+        self.carrier = carrier = kind(self.V, self.section, boundary, self.w.x.array)
         owned = self.V.dofmap.index_map.size_local
-        self._constrained[frame.dofs] = True
+        self._constrained[carrier.constrained] = True
         self.constrained = np.flatnonzero(self._constrained[:owned])
-        return frame
+        return carrier
 
     # -- history of friction --------------------------------------------------------------------
 
@@ -241,7 +244,7 @@ class Problem:
     def _size(self) -> tuple[int, int]:
         """Unknowns of this rank and of all."""
         index_map = self.V.dofmap.index_map
-        mine, every = (self.frame.extra, COMPONENTS) if self.frame else (0, 0)
+        mine, every = (self.carrier.extra, COMPONENTS) if self.carrier else (0, 0)
         return index_map.size_local + mine, index_map.size_global + every
 
     def create_matrix(self) -> PETSc.Mat:
@@ -256,8 +259,8 @@ class Problem:
             "contact": self._contact,
         }
         condensed = (
-            BorderedTangent(self.frame, self.V, **parts)
-            if self.frame
+            self.carrier.tangent(self.V, **parts)
+            if self.carrier
             else CondensedTangent(self.V, **parts, prescribed=self._has_values)
         )
         size = self._size
@@ -282,8 +285,8 @@ class Problem:
         values[: len(b)] = b
         at = self.constrained
         values[at] = x.array_r[at] - self._load * self.prescribed[at]
-        if self.frame is not None:
-            self.frame.add_to(values, x.array_r, b)
+        if self.carrier is not None:
+            self.carrier.add_to(values, x.array_r, b)
 
     def tangent(self, x: PETSc.Vec, A: PETSc.Mat) -> None:
         """Exact derivative of `residual` (collective)."""
@@ -291,7 +294,7 @@ class Problem:
         condensed = A.getPythonContext()
         condensed.keep(self._keeps_constant())
         condensed.assemble(self._contact.tangent() if self._contact is not None else None)
-        if self.frame is not None:
+        if self.carrier is not None:
             self._assemble_residual(x)  # its forces turn with it
             condensed.assemble_border(self._b.array_r)
         A.assemble()
@@ -305,15 +308,20 @@ class Problem:
             self._contact.constraint_tangent() if self._contact is not None else None
         )
         pressures = 3 * self.section.mesh.topology.index_map(2).size_global
-        return condensed.matrix, pressures - condensed.negative_inside()
+        expected = pressures - condensed.negative_inside()
+        if self.carrier is not None:  # its modes are not in the matrix
+            self._assemble_residual(x)
+            condensed.assemble_border(self._b.array_r)
+            expected -= condensed.negative_of_carrier()
+        return condensed.matrix, expected
 
     def set_unknowns(self, x: PETSc.Vec) -> None:
         """Copy a vector into `w`, ghosts included (collective)."""
         owned = self.V.dofmap.index_map.size_local
         self.w.x.array[:owned] = x.array_r[:owned]
         self.w.x.scatter_forward()
-        if self.frame is not None:
-            self.frame.take(x)
+        if self.carrier is not None:
+            self.carrier.take(x)
 
     # -- what a converged state shows -----------------------------------------------------------
 

@@ -11,8 +11,8 @@ from calfsocket.contact.friction import SLIP
 from calfsocket.contact.nitsche import ContactState
 from calfsocket.contact.resultants import Resultants, Slid, resultants
 from calfsocket.io.errors import ConvergenceError
-from calfsocket.mechanics.frame import COMPONENTS, FREE, Control, RigidFrame
-from calfsocket.mechanics.loading import Stage, Targets
+from calfsocket.mechanics.carrier import COMPONENTS, FREE, Carrier, Control
+from calfsocket.mechanics.loading import Carried, Stage, Targets
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
@@ -103,6 +103,47 @@ class Limit:
     asked: FloatArray
 
 
+@dataclass(frozen=True)
+class StageMilestone:
+    """All that a stage needs to continue from an equilibrium as if it had never stopped.
+
+    Attributes
+    ----------
+    stage : str
+        Its name.
+    ways : int
+        How many of its ways (`legs`) are done.
+    way : Milestone
+        Where on the next one it is; the load is the share of it.
+    held : (3,) bool
+        Components whose place is held, when that way began.
+    force, place : (3,) float
+        Force and place then, as of `Point`.
+    volume : mapping of str to float
+        Change of volume then.
+    control : Control, optional
+        What is prescribed in the equilibrium, where the socket is carried.
+    points : tuple of Point
+        All equilibria since the donned state.
+    limits : tuple of Limit
+        Those found so far.
+    steps : tuple of LoadStep
+        Load steps of the stage.
+    """
+
+    stage: str
+    ways: int
+    way: Milestone
+    held: NDArray[np.bool_]
+    force: FloatArray
+    place: FloatArray
+    volume: Mapping[str, float]
+    control: Control | None
+    points: tuple[Point, ...]
+    limits: tuple[Limit, ...]
+    steps: tuple[LoadStep, ...]
+
+
 class StageStepper:
     """Leads a donned problem through stages of loading.
 
@@ -114,10 +155,13 @@ class StageStepper:
         Where lateral and anterior are.
     tissues : mapping of region name to str
         Tissue of each region, for changes of volume.
-    carried : bool
-        Whether a rigid frame carries the socket's outer face from now on.
+    carried : {"frame", "evenly"}, optional
+        What carries the socket's outer face from now on: a rigid frame, or an even load; by default
+        nothing does.
     on_iteration, on_step : callable, optional
         As of `LoadStepper`; the load is the share of the way to the stage's values.
+    on_milestone : callable, optional
+        Called with each `StageMilestone` on every rank; its vectors change when the run continues.
 
     Attributes
     ----------
@@ -129,6 +173,8 @@ class StageStepper:
         All equilibria, the donned one first.
     limits : list of Limit
         Those found.
+    steps : list of LoadStep
+        Load steps of the stage, failed ones too.
     """
 
     def __init__(
@@ -136,32 +182,36 @@ class StageStepper:
         donned: LoadStepper,
         axes: Frame,
         tissues: Mapping[str, str] | None = None,
-        carried: bool = True,
+        carried: Carried | None = None,
         on_iteration: Callable[[float, int, float], None] | None = None,
         on_step: Callable[[LoadStep], None] | None = None,
+        on_milestone: Callable[[StageMilestone], None] | None = None,
     ) -> None:
+        self._on_step, self.on_milestone = on_step, on_milestone
         self.problem: Problem = donned.problem
         self._axes, self._tissues = axes, dict(tissues or {})
         state = self.problem.contact.state()
         if carried:
-            self.problem.carry(tags.SOCKET_OUTER)
+            self.problem.carry(tags.SOCKET_OUTER, evenly=carried == "evenly")
         self.stepper = LoadStepper(
-            self.problem, (1.0,), on_iteration, on_step, on_milestone=self._arrive
+            self.problem, (1.0,), on_iteration, self._take_step, on_milestone=self._arrive
         )
         unknowns = donned.newton.x.array_r
         self.x.array[: len(unknowns)] = unknowns
-        self._held = np.zeros(COMPONENTS, dtype=bool)
+        self._held: NDArray[np.bool_] = np.zeros(COMPONENTS, dtype=bool)
         self._force, self._place = np.zeros((2, COMPONENTS))
         self._volume: dict[str, float] = {}
+        self._volume_before: dict[str, float] = {}
         self._state = state
-        self._stage = ""
+        self._stage, self._ways = "", 0
+        self.steps: list[LoadStep] = []
         self.points: list[Point] = []
         self.limits: list[Limit] = []
         self.problem.residual(self.x, self.x.duplicate())
-        if self.frame is not None:
+        if self.carrier is not None:
             # Where the outer face is fixed already, a force holds it.
-            self._force = self.frame.force(self.problem.bodies_residual)
-            self.frame.control = replace(FREE, force=self._force)
+            self._force = self.carrier.force(self.problem.bodies_residual)
+            self.carrier.control = replace(FREE, force=self._force)
             self._compliance = self._compliances()
         self.points.append(self._point(state, 0))
 
@@ -171,12 +221,19 @@ class StageStepper:
         return self.stepper.newton.x
 
     @property
-    def frame(self) -> RigidFrame | None:
-        """The frame, if there is one."""
-        return self.problem.frame
+    def carrier(self) -> Carrier | None:
+        """What carries the socket's outer face, if it is loaded."""
+        return self.problem.carrier
 
-    def run(self, stage: Stage) -> Limit | None:
+    def run(self, stage: Stage, start: StageMilestone | None = None) -> Limit | None:
         """Go through a stage; return the last limit that its forces came to, if any (collective).
+
+        Parameters
+        ----------
+        stage : Stage
+            The stage.
+        start : StageMilestone, optional
+            An equilibrium of this stage to continue from; its end is one, too.
 
         Raises
         ------
@@ -184,17 +241,38 @@ class StageStepper:
             If there is no equilibrium on the way, and that is not for a limit of the force. The
             problem then holds the last one.
         """
-        self._stage = stage.name
-        found = None
-        for targets in legs(stage, self._axes):
-            found = self._go(targets, stage.steps) or found
-        return found
+        self._stage, self._ways, self.steps = stage.name, 0, []
+        way = None
+        if start is not None:
+            self._restore(start)
+            way = start.way if start.way.load > 0.0 else None
+        for targets in list(legs(stage, self._axes))[self._ways :]:
+            self._go(targets, stage.steps, way)
+            way = None
+            self._ways += 1
+            self._reach(self._snapshot())
+        mine = [limit for limit in self.limits if limit.stage == stage.name]
+        return mine[-1] if mine else None
+
+    def _restore(self, start: StageMilestone) -> None:
+        """Take an equilibrium of an earlier run (collective)."""
+        self._ways, self.steps = start.ways, list(start.steps)
+        self._held, self._force, self._place = start.held, start.force, start.place
+        self.points, self.limits = list(start.points), list(start.limits)
+        self._set_volume(start.volume)
+        start.way.unknowns.copy(self.x)
+        if self.carrier is not None and start.control is not None:
+            self.carrier.control = start.control
+        self.problem.slip_history = start.way.converged_arc
+        self.problem.residual(self.x, self.x.duplicate())
+        self._state = self.problem.contact.state()
 
     # -- one way ----------------------------------------------------------------------------------
 
-    def _go(self, targets: Targets, steps: int) -> Limit | None:
-        """Go to the targets in steps, as far as possible."""
+    def _go(self, targets: Targets, steps: int, way: Milestone | None) -> Limit | None:
+        """Go to the targets in steps, as far as possible; perhaps from a place on the way."""
         held, volume = self._held.copy(), dict(self._volume)
+        self._volume_before = volume
         force, place = self._force, self._place
         end_force, end_place = force.copy(), place.copy()
         for component, value in targets.force.items():
@@ -210,18 +288,19 @@ class StageStepper:
                     for tissue, end in end_volume.items()
                 }
             )
-            if self.frame is not None:
-                self.frame.control = Control.of(
+            if self.carrier is not None:
+                self.carrier.control = Control.of(
                     held, force + share * (end_force - force), place + share * (end_place - place)
                 )
 
         limit = None
         if targets.place or targets.volume or np.array_equal(force, end_force):
             size = 1.0 / steps
-            self._run(LoadSteps(first=size, largest=size, smallest=SMALLEST * size), set_share)
+            control = LoadSteps(first=size, largest=size, smallest=SMALLEST * size)
+            self._run(control, set_share, way)
         else:
             try:
-                self._run([(k + 1) / steps for k in range(steps)], set_share)
+                self._run([(k + 1) / steps for k in range(steps)], set_share, way)
             except ConvergenceError:
                 limit = self._along(held, force, end_force, end_place, 1.0 / steps)
         self._held = held
@@ -243,14 +322,17 @@ class StageStepper:
             self.problem.set_stress_free(states)
 
     def _run(
-        self, control: LoadSteps | Sequence[float], set_share: Callable[[float], None]
+        self,
+        control: LoadSteps | Sequence[float],
+        set_share: Callable[[float], None],
+        way: Milestone | None = None,
     ) -> None:
-        """Run the stepper over one way."""
+        """Run the stepper over one way, or on from a place on it."""
         stepper, problem = self.stepper, self.problem
         stepper.control = control
         first = control.first if isinstance(control, LoadSteps) else 1.0
         here = Milestone(0.0, 0.0, first, self.x, self.x, problem.slip_history)
-        stepper.run(here, lambda before, after: set_share(after))
+        stepper.run(way or here, lambda before, after: set_share(after))
 
     def _along(
         self,
@@ -265,26 +347,26 @@ class StageStepper:
         Each step goes on by a share of the way that the donned socket's tangent has for the whole
         force; it grows where Newton's method finds it easy.
         """
-        frame = self.frame
-        assert frame is not None
-        change = np.where(held, 0.0, frame.scale * (end_force - force))
+        carrier = self.carrier
+        assert carrier is not None
+        change = np.where(held, 0.0, carrier.scale * (end_force - force))
         size = float(np.linalg.norm(change))
         unit = change / size
 
         def along(values: FloatArray) -> float:
             return float(unit @ values)
 
-        way = min(abs(along(self._compliance @ change)), LONGEST_WAY * frame.radius)
-        origin = along(frame.place / frame.scale)
+        way = min(abs(along(self._compliance @ change)), LONGEST_WAY * carrier.radius)
+        origin = along(carrier.place / carrier.scale)
 
         def share() -> float:
-            return along(frame.scale * (self.points[-1].force - force)) / size
+            return along(carrier.scale * (self.points[-1].force - force)) / size
 
         shares, ways = [share()], [0.0]
         whole = Control.of(held, end_force, end_place)
         advance = step * way
         for _ in range(MOST_STEPS):
-            here, before = self._snapshot(), frame.control
+            here, before = self._snapshot(), carrier.control
             if len(ways) > 1:
                 rise = (shares[-1] - shares[-2]) / (ways[-1] - ways[-2])
                 if shares[-1] + rise * advance >= 1.0:
@@ -294,7 +376,7 @@ class StageStepper:
                         advance *= CUTBACK
                     else:
                         return None
-            target = frame.place + advance * frame.scale * unit
+            target = carrier.place + advance * carrier.scale * unit
             control = Control.along(held, force, np.where(held, end_place, target), change)
             try:
                 self._run(ONE_STEP, self._choice(before, control))
@@ -308,10 +390,10 @@ class StageStepper:
                 advance *= CUTBACK
                 continue
             shares.append(share())
-            ways.append(along(frame.place / frame.scale) - origin)
+            ways.append(along(carrier.place / carrier.scale) - origin)
             if self._at_limit(ways, shares, force, unit, size):
                 best = int(np.argmax(shares))
-                reached = force + shares[best] * size * unit / frame.scale
+                reached = force + shares[best] * size * unit / carrier.scale
                 found = Limit(self._stage, reached, end_force)
                 self.limits.append(found)
                 return found
@@ -328,9 +410,9 @@ class StageStepper:
 
     def _return(self, here: Milestone, control: Control) -> None:
         """Go back to an equilibrium, the last but one (collective)."""
-        assert self.frame is not None
+        assert self.carrier is not None
         here.unknowns.copy(self.x)
-        self.frame.control = control
+        self.carrier.control = control
         self.problem.slip_history = here.converged_arc
         self.problem.residual(self.x, self.x.duplicate())
         self._state = self.problem.contact.state()
@@ -345,35 +427,35 @@ class StageStepper:
         size: float,
     ) -> bool:
         """Whether the force has risen by less than `LIMIT` over the last part of the way."""
-        assert self.frame is not None
+        assert self.carrier is not None
         if ways[-1] <= 0.0:
             return False
         then = float(np.interp((1.0 - LAST_PART) * ways[-1], ways, shares))
-        total = abs(float(unit @ (self.frame.scale * force)) + shares[-1] * size)
+        total = abs(float(unit @ (self.carrier.scale * force)) + shares[-1] * size)
         return (shares[-1] - then) * size < LIMIT * total
 
     def _choice(self, before: Control, after: Control) -> Callable[[float], None]:
         """Return what sets one control before a step, and another one for it."""
-        frame = self.frame
-        assert frame is not None
+        carrier = self.carrier
+        assert carrier is not None
 
         def set_share(share: float) -> None:
-            frame.control = after if share > 0.0 else before
+            carrier.control = after if share > 0.0 else before
 
         return set_share
 
     def _compliances(self) -> FloatArray:
-        """Motion of the frame by its forces in the present state, s^-1 dp/d(s G) (collective)."""
-        frame, newton = self.frame, self.stepper.newton
-        assert frame is not None
+        """Motion of the carrier by its forces in the present state, s^-1 dp/d(s G) (collective)."""
+        carrier, newton = self.carrier, self.stepper.newton
+        assert carrier is not None
         newton.factorise()
         columns = []
         for unit in np.eye(COMPONENTS):
             residual = self.x.duplicate()
             residual.set(0.0)
-            if frame.extra:
+            if carrier.extra:
                 residual.array[-COMPONENTS:] = unit
-            columns.append(frame.of_all(newton.correction(residual).array_r) / frame.scale)
+            columns.append(carrier.motion(newton.correction(residual)) / carrier.scale)
         return np.column_stack(columns)
 
     # -- equilibria -------------------------------------------------------------------------------
@@ -383,9 +465,38 @@ class StageStepper:
         state = self.problem.contact.state()
         self.points.append(self._point(state, milestone.steps[-1].newton.iterations))
         self._state = state
+        # The end of a way is handed on when it is complete; where the place along a force is
+        # prescribed, each step is a way of its own, and all of them begin again.
+        if milestone.load < 1.0:
+            self._reach(milestone)
+
+    def _take_step(self, step: LoadStep) -> None:
+        self.steps.append(step)
+        if self._on_step is not None:
+            self._on_step(step)
+
+    def _reach(self, way: Milestone) -> None:
+        """Hand on that an equilibrium is reached."""
+        if self.on_milestone is None:
+            return
+        self.on_milestone(
+            StageMilestone(
+                stage=self._stage,
+                ways=self._ways,
+                way=way,
+                held=self._held,
+                force=self._force,
+                place=self._place,
+                volume=self._volume if way.load == 0.0 else self._volume_before,
+                control=self.carrier.control if self.carrier is not None else None,
+                points=tuple(self.points),
+                limits=tuple(self.limits),
+                steps=tuple(self.steps),
+            )
+        )
 
     def _point(self, state: ContactState, iterations: int) -> Point:
-        contact, frame, comm = self.problem.contact, self.frame, self.problem.comm
+        contact, carrier, comm = self.problem.contact, self.carrier, self.problem.comm
         last = self.points[-1] if self.points else None
         weight = contact.points.weight
         closed = state.traction.pressure > 0
@@ -398,8 +509,8 @@ class StageStepper:
         work, touching, slipping = comm.allreduce(np.array(sums))
         whole = resultants(contact, state)
         force, place = np.zeros((2, COMPONENTS))
-        if frame is not None:
-            force, place = frame.force(self.problem.bodies_residual), frame.place.copy()
+        if carrier is not None:
+            force, place = carrier.force(self.problem.bodies_residual), carrier.place.copy()
         applied = 0.5 * (last.force + force) @ (place - last.place) if last else 0.0
         return Point(
             stage=self._stage,

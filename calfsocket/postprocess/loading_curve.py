@@ -55,6 +55,6 @@ def in_words(limit: Limit, frame: Frame) -> str:
     parts = [
         f"{name} {reached:.4g} {unit} of {asked:.4g}"
         for name, unit, reached, asked in zip(names, units, limit.force, limit.asked, strict=True)
-        if abs(asked) > 1e-9 * size
+        if abs(asked - reached) > 1e-9 * size  # the others have come to what was asked for
     ]
     return f"limit reached at {', '.join(parts)}"

@@ -47,6 +47,23 @@ def donning(results: Results) -> list[str]:
     return [DONNING[value] for value in dict.fromkeys(each) if value in DONNING]
 
 
+CARRIED = {
+    "frame": "A rigid frame carries the socket's outer face",
+    "evenly": "Forces and moments are spread evenly over the socket's outer face, which is free to "
+    "deform, and its motion is the mean translation and the rotation that fits it best",
+}
+"""Words for how stages load the socket."""
+
+
+def carried(results: Results) -> list[str]:
+    """Return in words how stages load the sockets, each once; empty where none does."""
+    common = settings(results).get("socket_carried")
+    each = [
+        record.changes.get("model.socket_carried", common) for record in results.records.values()
+    ]
+    return [CARRIED[value] for value in dict.fromkeys(each) if value in CARRIED]
+
+
 def laws(results: Results) -> Laws:
     """Return the laws of every material set of the study, of variants by the base's names."""
     if results.run is None:

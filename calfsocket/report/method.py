@@ -18,6 +18,7 @@ SETTINGS = {
     "size": "mesh size",
     "socket_support": "socket support",
     "donning": "donning",
+    "socket_carried": "outer face under loads",
     "fascia_c10": "fascia's C10",
     "ogden_form": "Ogden form",
     "friction": "friction coefficient",

@@ -27,8 +27,8 @@ from calfsocket.mechanics.limb_problem import (
     SocketSupport,
     limb_problem,
 )
-from calfsocket.mechanics.loading import Loading
-from calfsocket.mechanics.stages import StageStepper
+from calfsocket.mechanics.loading import Loading, Stage
+from calfsocket.mechanics.stages import StageMilestone, StageStepper
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
@@ -202,7 +202,8 @@ class Simulation:
         # What is as by default is left out, so that earlier results keep their fingerprints.
         added: dict[str, Any] = {}
         if self.loading:
-            added["loading"] = self.loading.model_dump(mode="json")
+            by_default = {"carried"} if self.loading.carried == "frame" else None
+            added["loading"] = self.loading.model_dump(mode="json", exclude=by_default)
         if self.donning != "gap":
             added["donning"] = self.donning
         return {
@@ -272,7 +273,7 @@ class Simulation:
             stepper = LoadStepper(
                 problem, self.steps, on_iteration=monitor.iteration, on_step=monitor.step
             )
-        start = self._keep_checkpoints(stepper, monitor, checkpoint, resume)
+        kept, start = self._keep_checkpoints(stepper, monitor, checkpoint, resume)
         failure = ""
         if profile:
             profile.start()
@@ -285,17 +286,17 @@ class Simulation:
             profile.stop()
         result = self.result(stepper, start, failure)
         if self.loading and not failure:
-            result, failure = self._load(stepper, result, monitor)
+            result, failure = self._load(stepper, result, monitor, kept, start is not None)
         if failure:
             raise ConvergenceError(failure, result)
         return result
 
     def _keep_checkpoints(
         self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool
-    ) -> Milestone | None:
-        """Write each equilibrium to a file from now on; return the one to start from."""
+    ) -> tuple[Checkpoint | None, Milestone | None]:
+        """Write each equilibrium to a file from now on; return that, and the one to start from."""
         if path is None:
-            return None
+            return None, None
         inputs = {"case": self.fingerprint, **conditions()}
         checkpoint = Checkpoint(path, stepper.problem, inputs)
         troubles: set[str] = set()
@@ -306,15 +307,15 @@ class Simulation:
 
         stepper.on_milestone = save
         if not resume:
-            return None
+            return checkpoint, None
         try:
             start = checkpoint.load()
         except CheckpointError as error:  # on all ranks
             monitor.message(f"starts from load 0: {error}", 0.0, True)
-            return None
+            return checkpoint, None
         if start is not None:
             monitor.resumed(start)
-        return start
+        return checkpoint, start
 
     def result(
         self, stepper: LoadStepper, start: Milestone | None = None, failure: str = ""
@@ -334,14 +335,20 @@ class Simulation:
         record, table = self._record(checks, start, failure), steps_table(stepper.steps, checks)
         return Result(record, fields, line, table, lining)
 
-    def _load(self, donned: LoadStepper, result: Result, monitor: Monitor) -> tuple[Result, str]:
+    def _load(
+        self,
+        donned: LoadStepper,
+        result: Result,
+        monitor: Monitor,
+        checkpoint: Checkpoint | None,
+        resume: bool,
+    ) -> tuple[Result, str]:
         """Go through the stages of loading; return the result with them, and why one failed."""
         loading, frame = self.loading, self.limb.frame
         assert loading is not None
-        steps: list[LoadStep] = []
+        troubles: set[str] = set()
 
         def on_step(step: LoadStep) -> None:
-            steps.append(step)
             how = "" if step.newton.converged else f"failed ({step.newton.reason}) after "
             text = (
                 f"stage {name}, {100 * step.load:.0f} %: {how}{step.newton.iterations} iterations"
@@ -353,21 +360,30 @@ class Simulation:
                 donned,
                 frame,
                 self.limb.tissues,
-                loading.moves_socket,
+                loading.carried if loading.moves_socket else None,
                 lambda _, number, norm: monitor.iteration(1.0, number, norm),
                 on_step,
             )
         states, failure = dict[str, Result](), ""
-        for stage in loading.stages:
-            name = stage.name
-            steps.clear()
+        for number, stage in enumerate(loading.stages, 1):
+            name, start = stage.name, None
+            if checkpoint is not None:
+                file = checkpoint.of_stage(number)
+                start = self._start_of(stage, file, monitor) if resume else None
+                resume = start is not None  # what comes after a stage follows from it
+
+                def save(milestone: StageMilestone, file: Checkpoint = file) -> None:
+                    with self.phases("checkpoints"), reported(monitor, 1.0, troubles):
+                        file.save_stage(milestone)
+
+                stages.on_milestone = save
             try:
                 with self.phases("stages"):
-                    limit = stages.run(stage)
+                    limit = stages.run(stage, start)
             except ConvergenceError as error:
                 failure = f"stage {name}: {error}"
                 break
-            stages.stepper.steps = list(steps)
+            stages.stepper.steps = list(stages.steps)
             state = self.result(stages.stepper)
             reached = StateRecord(stage=name, limit=in_words(limit, frame) if limit else "")
             if limit:
@@ -380,6 +396,17 @@ class Simulation:
         return replace(
             result, record=record, states=states, curve=curve_table(stages.points, frame)
         ), failure
+
+    def _start_of(self, stage: Stage, file: Checkpoint, monitor: Monitor) -> StageMilestone | None:
+        """Return the equilibrium that a stage continues from, if there is one (collective)."""
+        try:
+            start = file.load_stage(stage.name)
+        except CheckpointError as error:  # on all ranks
+            monitor.message(f"stage {stage.name} starts anew: {error}", 1.0, True)
+            return None
+        if start is not None:
+            monitor.message(f"stage {stage.name}: continues from its checkpoint", 1.0, True)
+        return start
 
     def _record(self, checks: Checks, start: Milestone | None, failure: str) -> CaseRecord:
         return CaseRecord(
@@ -420,8 +447,8 @@ def check_loading(loading: Loading, limb: Limb, support: SocketSupport) -> None:
         with error_context(f"loads.{number} ({stage.name})"):
             if stage.moves_socket and support == "outer-fixed":
                 raise InputError(
-                    "a socket that is fixed at its outer face has no frame to be loaded or moved "
-                    "by; choose support floating, or change volumes alone"
+                    "a socket that is fixed at its outer face cannot be loaded or moved; choose "
+                    "support floating, or change volumes alone"
                 )
             stage.targets(limb.frame)
             for tissue in stage.tissue_volumes:

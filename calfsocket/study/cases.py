@@ -155,11 +155,17 @@ class Plan:
 
     @property
     def settings(self) -> dict[str, dict[str, Any]]:
-        """Tables `model`, `steps` and, if there is one, `liner`, defaults filled in."""
+        """Tables `model`, `steps` and, if there is one, `liner`, defaults filled in.
+
+        What carries the socket is none where nothing loads it.
+        """
         shape = dict.fromkeys(Lining.model_fields, True)
         tables = self.document.model_dump(
             mode="json", include={"model": True, "steps": True, "liner": shape}
         )
+        loadings = [case.document.loading for case in self.cases]
+        if not any(loading and loading.moves_socket for loading in loadings):
+            del tables["model"]["socket_carried"]
         return {name: table for name, table in tables.items() if table is not None}
 
     @cached_property

@@ -15,7 +15,7 @@ from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
 from calfsocket.mechanics.limb_problem import Donning, SocketSupport
-from calfsocket.mechanics.loading import Loading, Stage, check_names
+from calfsocket.mechanics.loading import Carried, Loading, Stage, check_carried, check_names
 from calfsocket.mechanics.stepping import LoadSteps
 from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import REPORTED
@@ -100,6 +100,9 @@ class ModelTable(Contact):
     donning : str
         How the socket is put on: gap closes the gaps in proportion; expanded starts with a wide
         socket, moves it over the limb and lets it go. Shear and skin stress depend on it.
+    socket_carried : str
+        How loads after donning act on the socket's outer face: a rigid frame carries it, or they
+        are spread evenly over it.
     fascia_c10 : str
         C10 of fascia: 4.91 MPa as printed, or 0.491 MPa, which the paper's tables need.
     ogden_form : str
@@ -109,6 +112,7 @@ class ModelTable(Contact):
     size: str | Annotated[int, Field(strict=True)] = "paper"
     socket_support: SocketSupport = "floating"
     donning: Donning = "gap"
+    socket_carried: Carried = "frame"
     fascia_c10: FasciaC10 = "printed"
     ogden_form: OgdenForm = "abaqus"
 
@@ -220,10 +224,19 @@ class Document(Strict):
         check_names(value)
         return value
 
+    @model_validator(mode="after")
+    def _loads_are_carried(self) -> "Document":
+        try:
+            check_carried(self.loads, self.model.socket_carried)
+        except ValueError as error:
+            raise ValueError(f"model.socket_carried: {error}") from None
+        return self
+
     @property
     def loading(self) -> Loading | None:
         """The stages of loading, if there are any."""
-        return Loading(stages=self.loads) if self.loads else None
+        carried = self.model.socket_carried
+        return Loading(stages=self.loads, carried=carried) if self.loads else None
 
     @field_validator("sockets")
     @classmethod

@@ -16,7 +16,7 @@ from calfsocket.io.tables import remove_rows
 from calfsocket.meshes import tags
 from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
-from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, conditions
+from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, STAGE_FILES, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import LEVEL, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.results import KEY
@@ -125,7 +125,11 @@ class Recorder:
         for name in self._asked:
             if cases[name].solved:
                 # Its files hold all there is to know; one that failed may be resumed.
-                (self._out / name / CHECKPOINT_FILE).unlink(missing_ok=True)
+                for path in (
+                    self._out / name / CHECKPOINT_FILE,
+                    *(self._out / name).glob(STAGE_FILES),
+                ):
+                    path.unlink(missing_ok=True)
 
 
 def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
