@@ -194,9 +194,9 @@ def test_a_matrix_that_cannot_be_factorised_gives_no_finite_step_and_spoils_no_l
     v = random_vector(solver)
     expected = solver.correction(v)
     condensed = solver.tangent.getPythonContext()
-    values = condensed._values.copy()
+    values = condensed.layout.values.copy()
     for good in (False, True):
-        condensed._values[:] = values if good else np.nan
+        condensed.layout.values[:] = values if good else np.nan
         condensed.matrix.assemble()
         condensed.setUp(None)
         found = v.duplicate()

@@ -108,24 +108,29 @@ class TinyStudy:
 
 
 def tiny_study(
-    out: Path, sockets: tuple[str, ...] = ("A", "B"), pictures: bool = False
+    out: Path,
+    sockets: tuple[str, ...] = ("A", "B"),
+    pictures: bool = False,
+    frictions: tuple[float, ...] = (),
 ) -> TinyStudy:
-    """Make the study."""
-    limb, document = tiny_limb(), Document.model_validate({"model": {"size": "coarse"}})
-    cases = tuple(
-        Case(
-            limb,
-            socket,
-            MaterialSet.paper("combined"),
-            document,
-            of=(socket.name, "combined"),
-            changes={},
-            placement=check_placement(socket, limb),
+    """Make the study; with frictions, a case for each of them and each socket."""
+    limb = tiny_limb()
+    cases = []
+    for friction, socket in itertools.product(frictions or [0.4], map(tiny_socket, sockets)):
+        name = f"{socket.name}@{friction}" if frictions else socket.name
+        cases.append(
+            Case(
+                limb,
+                socket.model_copy(update={"name": name}),
+                MaterialSet.paper("combined"),
+                Document.model_validate({"model": {"size": "coarse", "friction": friction}}),
+                of=(socket.name, "combined"),
+                changes={},
+                placement=check_placement(socket, limb),
+            )
         )
-        for socket in map(tiny_socket, sockets)
-    )
     source = StudySource(file="tiny.toml", content={})
-    return TinyStudy(out, Plan(source, document, limb, cases), pictures)
+    return TinyStudy(out, Plan(source, cases[0].document, limb, tuple(cases)), pictures)
 
 
 class TinyCommand:

@@ -57,7 +57,7 @@ class ExpandedSocket(WholeOverclosure):
         if self._smallest_gap(0.0) < CLEARANCE:
             self.swelling = brentq(lambda s: self._smallest_gap(s) - CLEARANCE, 0.0, 1.0)
         self.load = 0.0
-        self.converged_arc = self._earlier_arc = self.state().projection.arc
+        self.converged_arc = self._earlier_arc = self._initial_arc = self.state().projection.arc
 
     @property
     def load(self) -> float:

@@ -192,7 +192,24 @@ class ContactInterface:
         start = self.chain.project(position, self.socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
-        self.converged_arc = self._earlier_arc = start.arc
+        self.converged_arc = self._earlier_arc = self._initial_arc = start.arc
+
+    def restart(self, parameters: Contact) -> None:
+        """Go back to load 0 and the undeformed bodies, with other parameters (collective).
+
+        The unknowns are zero already.
+
+        Raises
+        ------
+        ValueError
+            For another number of quadrature points.
+        """
+        if parameters.gauss_points != self.parameters.gauss_points:
+            raise ValueError("contact: other quadrature points need another interface")
+        self.parameters = parameters
+        self.load = 0.0
+        self.active_set = ActiveSet(self.comm)
+        self.converged_arc = self._earlier_arc = self._initial_arc
 
     def _sides(
         self,

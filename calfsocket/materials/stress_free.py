@@ -35,11 +35,16 @@ class StressFree:
 
     def __init__(self, mesh: Mesh, cell_tags: MeshTags, regions: Mapping[str, int]) -> None:
         self._mesh, self._cell_tags, self._regions = mesh, cell_tags, dict(regions)
+        self.changes = -1
+        self.clear()
+
+    def clear(self) -> None:
+        """Go back to where no region has a stress-free state of its own."""
         self._states: dict[str, StressFreeState] = {}
         self._full: FloatArray | None = None  # G - I at full load
         self._load = 1.0
         self.tensor: fem.Function | None = None
-        self.changes = 0
+        self.changes += 1
 
     def set(self, states: Mapping[str, StressFreeState]) -> None:
         """Change the stress-free states of regions; the volume ratio 1 is the reference again.

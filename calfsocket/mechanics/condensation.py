@@ -11,8 +11,8 @@ does not change the cell's volume, and a constant pressure meets nothing but 1/K
 constant stays outside. Contact takes the skin's traction from the whole skin cell, so that it has
 entries in K_oi, but none in K_io or K_ii.
 
-Unknowns outside have a numbering of their own, that of the index map `outside`; constrained ones
-are left out. Where displacements are prescribed, with c for the constrained unknowns and x_c for
+Unknowns outside have a numbering of their own (`layout.Layout`); constrained ones are left out.
+Where displacements are prescribed, with c for the constrained unknowns and x_c for
 what their residual asks for, the columns of the condensed matrix that are theirs go to the right:
 
     S_oo x_o = r_o - K_oi K_ii^-1 r_i - S_oc x_c,    x_i = K_ii^-1 (r_i - K_io x_o - K_ic x_c).
@@ -23,28 +23,24 @@ are in condensation.c.
 Guyan 1965, doi:10.2514/3.2874; Wilson 1974, doi:10.1002/nme.1620080115.
 """
 
-from typing import Any
-
 import numpy as np
-from dolfinx import cpp, fem, la
+from dolfinx import fem, la
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from calfsocket.contact.interface import ContactInterface, ContactTangent
-from calfsocket.io.fenics import numbering
-from calfsocket.io.petsc_options import OPTIONS_PREFIX, defaults
+from calfsocket.io.petsc_options import defaults
 from calfsocket.mechanics.kernels.cells import CellLoops
+from calfsocket.mechanics.layout import DISPLACEMENTS, PRESSURE, Layout
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 INSIDE, OUTSIDE = 5, 13
-# Unknowns of a cell: displacements, x before y as the loops in C have them.
-_DISPLACEMENTS = [*range(0, 12, 2), *range(1, 12, 2)]
-_BUBBLE, _PRESSURE = slice(12, 14), slice(14, 17)
+_BUBBLE = slice(12, 14)
 # Unknowns of a cell that stay outside, with the constant pressure in the place of the first one,
 # and those inside.
-_KEPT = [*_DISPLACEMENTS, 14]
+_KEPT = [*DISPLACEMENTS, 14]
 _ELIMINATED = [12, 13, 15, 16, 14]
 
 TISSUE_TANGENT = PETSc.Log.Event("TissueTangent")
@@ -67,19 +63,18 @@ class CondensedTangent:
         Contact between the bodies.
     prescribed : bool
         Whether constrained unknowns may be away from their values, so that their columns count.
+    layout : Layout, optional
+        One of the same mesh that an earlier tangent had; it is taken if it fits, and the two are
+        then not for use side by side.
 
     Attributes
     ----------
-    matrix : PETSc.Mat
-        The condensed matrix over the unknowns outside.
+    layout : Layout
+        Numbering, pattern, matrix and solver.
     inverse : (m, 5, 5)
         K_ii^-1 of the owned cells; in the order bubble, pressure differences, constant pressure.
     coupling : (m, 5, 13)
         K_ii^-1 K_io.
-    ksp : PETSc.KSP
-        Solver of the condensed matrix.
-    unknowns : (k,) int
-        The owned unknowns outside, in the order of the matrix's rows.
     """
 
     def __init__(
@@ -90,143 +85,67 @@ class CondensedTangent:
         keeps_constant: NDArray[np.bool_],
         contact: ContactInterface | None = None,
         prescribed: bool = False,
+        layout: Layout | None = None,
     ) -> None:
         self._comm = V.mesh.comm
         self._contact = contact
         self._tissues = tissues
         self._library = tissues.library
         cells = V.mesh.topology.index_map(2)
-        dofs = V.dofmap.list
-        p0, *others = dofs[:, _PRESSURE].T
+        p0, *others = V.dofmap.list[:, PRESSURE].T
         self._inside = np.ascontiguousarray(
-            np.column_stack([dofs[:, _BUBBLE], *others, p0])[: cells.size_local]
+            np.column_stack([V.dofmap.list[:, _BUBBLE], *others, p0])[: cells.size_local]
         )
         self._V, self._constrained = V, constrained
         self._columns_of_prescribed: _PrescribedColumns | None = None
         if prescribed:
             self._columns_of_prescribed = _PrescribedColumns(V, constrained)
-        self.ksp = PETSc.KSP().create(self._comm)
-        self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
-        with defaults():
-            self.ksp.setFromOptions()
         self.inverse = np.zeros((cells.size_local, INSIDE, INSIDE))
         self.coupling = np.zeros((cells.size_local, INSIDE, OUTSIDE))
-        self._set_up(keeps_constant)
+        parts = constrained, keeps_constant, contact
+        if layout is None or not layout.fits(*parts):
+            layout = Layout(V, self._library, *parts)
+        self._take(layout)
 
     def keep(self, keeps_constant: NDArray[np.bool_]) -> None:
         """Choose anew whose constant pressure stays outside: laws may have changed (collective)."""
-        if self._comm.allreduce(not np.array_equal(keeps_constant, self._kept)):
-            self._set_up(keeps_constant)
+        if self._comm.allreduce(not np.array_equal(keeps_constant, self.layout.keeps_constant)):
+            self._lay_out(keeps_constant)
 
-    def _set_up(self, keeps_constant: NDArray[np.bool_]) -> None:
-        self._kept = keeps_constant
-        self._keeps_constant = keeps_constant[: len(self._inside)].astype(np.uint8)
-        self._number_outside()
-        self._lay_out()
+    def _lay_out(self, keeps_constant: NDArray[np.bool_]) -> None:
+        """Lay the matrix out anew, for the contact that lies ahead now (collective)."""
+        self.layout.ksp.reset()  # not two factorisations at a time
+        self._take(Layout(self._V, self._library, self._constrained, keeps_constant, self._contact))
+
+    def _take(self, layout: Layout) -> None:
+        self.layout = layout
+        self._keeps_constant = layout.keeps_constant[: len(self._inside)].astype(np.uint8)
+        self._vector = la.vector(layout.outside)
+        self._contact_edge: NDArray[np.int64] | None = None
         self._assembled = False
         self._singular = False
-        self._b, self._x = self.matrix.createVecs()
+        self._b, self._x = layout.matrix.createVecs()
 
-    # -- numbering and pattern ------------------------------------------------------------------
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """The condensed matrix over the unknowns outside."""
+        return self.layout.matrix
 
-    def _number_outside(self) -> None:
-        constrained, keeps_constant = self._constrained, self._kept
-        index_map = self._V.dofmap.index_map
-        dofs = self._V.dofmap.list
-        is_outside = np.zeros(len(constrained), dtype=bool)
-        is_outside[dofs[:, _DISPLACEMENTS]] = True
-        is_outside[constrained] = False
-        is_outside[dofs[keeps_constant, _PRESSURE][:, 0]] = True
-        self.unknowns = np.flatnonzero(is_outside[: index_map.size_local])
-        first = self._comm.exscan(len(self.unknowns)) or 0
-        numbers = la.vector(index_map, dtype=np.int64)
-        numbers.array[:] = -1
-        numbers.array[self.unknowns] = first + np.arange(len(self.unknowns))
-        numbers.scatter_forward()
-        owner = np.full(len(constrained), self._comm.rank)
-        owner[index_map.size_local :] = index_map.owners
-        ghosts, owners = numbers.array[index_map.size_local :], owner[index_map.size_local :]
-        if self._contact is not None:
-            # The socket's face is a neighbour of all skin, wherever it is owned.
-            face = self._contact.socket.dofs
-            socket = self._contact.along_socket(numbers.array[face])
-            ghosts = np.concatenate([ghosts, socket.ravel()])
-            owners = np.concatenate([owners, self._contact.along_socket(owner[face]).ravel()])
-        elsewhere = (ghosts >= 0) & (owners != self._comm.rank)
-        ghosts, once = np.unique(ghosts[elsewhere], return_index=True)
-        self.outside = numbering(
-            self._comm, len(self.unknowns), ghosts, owners[elsewhere][once].astype(np.int32)
-        )
-        self._vector = la.vector(self.outside)
-        n_cells = len(self._inside)
-        constant = np.where(keeps_constant[:n_cells], dofs[:n_cells, _PRESSURE][:, 0], -1)
-        of_cells = np.column_stack([dofs[:n_cells, _DISPLACEMENTS], constant])
-        self._numbers = self._local(np.where(of_cells < 0, -1, numbers.array[of_cells]))
-        if self._contact is None:
-            return
-        skin = self._contact.skin.entities[:, 0]
-        n_points = self._contact.parameters.gauss_points
-        self._skin_cells = np.repeat(skin, n_points)
-        on_skin = self._local(numbers.array[self._contact.skin.dofs]).reshape(-1, 6)
-        self._skin_numbers = np.repeat(on_skin, n_points, axis=0)
-        self._socket_numbers = self._local(socket)
+    @property
+    def ksp(self) -> PETSc.KSP:
+        """Solver of the condensed matrix."""
+        return self.layout.ksp
 
-    def _local(self, numbers: NDArray[np.int64]) -> IntArray:
-        """Local numbers outside of global ones; -1 remains."""
-        there = numbers >= 0
-        local = np.full(numbers.shape, -1, dtype=np.int32)
-        local[there] = self.outside.global_to_local(numbers[there])
-        return local
-
-    def _lay_out(self) -> None:
-        """Lay the pattern out for the cells and for the contact that lies ahead (collective)."""
-        pattern = cpp.la.SparsityPattern(self._comm, [self.outside, self.outside], [1, 1])
-        for numbers in self._numbers:
-            there = numbers[numbers >= 0]
-            pattern.insert(there, there)
-        if self._contact is not None:
-            self._add_pattern_of(self._contact, pattern)
-        pattern.finalize()
-        self.ksp.reset()
-        self._csr = la.matrix_csr(pattern)
-        self._values = np.asarray(self._csr.data, dtype=np.float64)
-        self._starts = np.asarray(self._csr.indptr, dtype=np.int64)
-        self._columns = np.asarray(self._csr.indices, dtype=np.int32)
-        self._positions = self._locate(self._numbers, self._numbers)
-        self._contact_edge: NDArray[np.int64] | None = None
-        rows = self.outside.size_local
-        end = self._starts[rows]
-        starts = self._starts[: rows + 1].astype(PETSc.IntType)
-        if self._comm.size == 1:
-            # PETSc looks at the values where they are.
-            self.matrix = PETSc.Mat().createAIJWithArrays(
-                (rows, rows), (starts, self._columns, self._values), comm=self._comm
-            )
-            return
-        columns = self._csr.index_map(1).local_to_global(self._columns[:end])
-        self._owned = starts, columns.astype(PETSc.IntType), end
-        size = (rows, self.outside.size_global)
-        self.matrix = PETSc.Mat().createAIJ((size, size), comm=self._comm)
-        self.matrix.setPreallocationCSR((starts, self._owned[1], self._values[:end]))
-
-    def _add_pattern_of(self, contact: ContactInterface, pattern: Any) -> None:
-        ahead = contact.edges_ahead()
-        for numbers in self._socket_numbers[np.unique(ahead)]:  # that another rank may own
-            there = numbers[numbers >= 0]
-            pattern.insert(there, there)
-        n_points = contact.parameters.gauss_points
-        for cell, edges in zip(self._skin_cells[::n_points], ahead, strict=True):
-            skin = self._numbers[cell]
-            socket = np.unique(self._socket_numbers[edges])
-            skin, socket = skin[skin >= 0], socket[socket >= 0]
-            pattern.insert(skin, socket)
-            pattern.insert(socket, skin)
+    @property
+    def unknowns(self) -> NDArray[np.int64]:
+        """The owned unknowns outside, in the order of the matrix's rows."""
+        return self.layout.unknowns
 
     # -- assembly -------------------------------------------------------------------------------
 
     def assemble(self, contact: ContactTangent | None) -> None:
         """Add tissues at their present unknowns, and contact where there is any (collective)."""
-        self._values[:] = 0.0
+        self.layout.values[:] = 0.0
         self._add_tissues()
         if self._columns_of_prescribed is not None:
             self._columns_of_prescribed.assemble(
@@ -234,11 +153,7 @@ class CondensedTangent:
             )
         if contact is not None:
             self._assemble_contact(contact)
-        if self._comm.size > 1:
-            self._csr.scatter_reverse()
-            starts, columns, end = self._owned
-            self.matrix.setValuesCSR(starts, columns, self._values[:end])
-        self.matrix.assemble()
+        self.layout.assemble()
         self._assembled = True
 
     def _assemble_contact(self, contact: ContactTangent) -> None:
@@ -248,11 +163,11 @@ class CondensedTangent:
         inside[:, :, -1] += inside[:, :, 2] + inside[:, :, 3]
         outside = contact.d_traction[:, :, _KEPT]
         outside[:, :, -1] = inside[:, :, -1]
-        outside -= inside @ self.coupling[self._skin_cells]
+        outside -= inside @ self.coupling[self.layout.skin_cells]
         blocks = np.concatenate([contact.by_motion, contact.by_traction @ outside], axis=2)
         if self._comm.allreduce(self._add_contact(contact.edge, blocks)):
             # The limb slid farther than was thought of.
-            self._lay_out()
+            self._lay_out(self.layout.keeps_constant)
             self._add_tissues()
             self._add_contact(contact.edge, blocks)
         self._by_traction, self._d_traction_inside = contact.by_traction, inside
@@ -261,31 +176,28 @@ class CondensedTangent:
         with TISSUE_TANGENT:
             self._tissues.add_tangents(
                 self._keeps_constant,
-                self._positions,
+                self.layout.positions,
                 self.inverse,
                 self.coupling,
-                self._values,
+                self.layout.values,
             )
 
     def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
         """Add contact to the matrix; return how many entries its pattern lacks."""
+        layout = self.layout
         if self._contact_edge is None or not np.array_equal(edge, self._contact_edge):
             self._contact_edge = edge
             self._contact_rows = np.concatenate(
-                [self._skin_numbers, self._socket_numbers[edge]], axis=1
+                [layout.skin_numbers, layout.socket_numbers[edge]], axis=1
             )
-            columns = np.concatenate([self._contact_rows, self._numbers[self._skin_cells]], axis=1)
-            self._contact_positions = self._locate(self._contact_rows, columns)
+            of_cells = layout.numbers[layout.skin_cells]
+            columns = np.concatenate([self._contact_rows, of_cells], axis=1)
+            self._contact_positions = layout.locate(self._contact_rows, columns)
         return int(
-            self._library.call("add_at", blocks.size, self._contact_positions, blocks, self._values)
+            self._library.call(
+                "add_at", blocks.size, self._contact_positions, blocks, layout.values
+            )
         )
-
-    def _locate(self, rows: IntArray, columns: IntArray) -> IntArray:
-        """Places of blocks among the matrix's values, or why there is none; (n, k, m)."""
-        (n, k), m = rows.shape, columns.shape[1]
-        positions = np.empty((n, k, m), dtype=np.int32)
-        self._library.call("locate", n, k, rows, m, columns, self._starts, self._columns, positions)
-        return positions
 
     def negative_inside(self) -> int:
         """Count the negative eigenvalues of K_ii, of all cells (collective)."""
@@ -307,11 +219,12 @@ class CondensedTangent:
         self.matrix.mult(self._b, self._x)
         values[:n_owned] = v[self.unknowns]
         self._vector.scatter_forward()
-        there = self._numbers >= 0
+        numbers = self.layout.numbers
+        there = numbers >= 0
         z = v[self._inside]
         z[:, 2:4] -= z[:, 4:]  # pressure differences
         z[there[:, -1], 4] = 0.0  # a constant pressure that is outside
-        z += np.einsum("cio,co->ci", self.coupling, np.where(there, values[self._numbers], 0.0))
+        z += np.einsum("cio,co->ci", self.coupling, np.where(there, values[numbers], 0.0))
         if self._columns_of_prescribed is not None:
             cells, change = self._columns_of_prescribed.inside(v, self.coupling)
             z[cells] += change
@@ -319,15 +232,15 @@ class CondensedTangent:
         outside = np.einsum("cio,ci->co", self.coupling, inside)
         values[:] = 0.0
         values[:n_owned] = self._x.array_r
-        np.add.at(values, self._numbers[there], outside[there])
+        np.add.at(values, numbers[there], outside[there])
         if self._columns_of_prescribed is not None:
-            self._columns_of_prescribed.add_outside(1.0, v, self._numbers, values)
+            self._columns_of_prescribed.add_outside(1.0, v, numbers, values)
         if self._contact is not None:
-            self._add_contact_inside(1.0, z[self._skin_cells], values)
+            self._add_contact_inside(1.0, z[self.layout.skin_cells], values)
         self._vector.scatter_reverse(la.InsertMode.add)
         x.copy(y)  # for the constrained unknowns
         y.array[self.unknowns] = values[:n_owned]
-        inside[there[:, -1], 4] = values[self._numbers[there[:, -1], -1]]
+        inside[there[:, -1], 4] = values[numbers[there[:, -1], -1]]
         inside[:, 4] -= inside[:, 2] + inside[:, 3]
         y.array[self._inside] = inside
 
@@ -390,14 +303,14 @@ class CondensedTangent:
             len(self._inside),
             r,
             self._inside,
-            self._numbers,
+            self.layout.numbers,
             self.coupling,
             values,
         )
         if self._contact is not None:
             self._add_contact_inside(-1.0, self._alone(r), values)
         if self._columns_of_prescribed is not None:
-            self._columns_of_prescribed.add_outside(-1.0, r, self._numbers, values)
+            self._columns_of_prescribed.add_outside(-1.0, r, self.layout.numbers, values)
         self._vector.scatter_reverse(la.InsertMode.add)
         self._b.array[:] = values[: len(self.unknowns)]
         self.ksp.solve(self._b, self._x)
@@ -411,7 +324,7 @@ class CondensedTangent:
             len(self._inside),
             r,
             self._inside,
-            self._numbers,
+            self.layout.numbers,
             self.inverse,
             self.coupling,
             values,
@@ -424,9 +337,9 @@ class CondensedTangent:
 
     def _alone(self, r: FloatArray) -> FloatArray:
         """K_ii^-1 r_i in the cell of each skin point; (n, 5)."""
-        inside = r[self._inside[self._skin_cells]]
+        inside = r[self._inside[self.layout.skin_cells]]
         inside[:, 4] += inside[:, 2] + inside[:, 3]  # what a constant pressure meets
-        return np.einsum("nij,nj->ni", self.inverse[self._skin_cells], inside)
+        return np.einsum("nij,nj->ni", self.inverse[self.layout.skin_cells], inside)
 
     def _add_contact_inside(self, factor: float, inside: FloatArray, values: FloatArray) -> None:
         """Add factor K_oi x_i of contact alone."""
@@ -441,7 +354,7 @@ class _PrescribedColumns:
 
     def __init__(self, V: fem.FunctionSpace, constrained: NDArray[np.bool_]) -> None:
         n_cells = V.mesh.topology.index_map(2).size_local
-        dofs = V.dofmap.list[:n_cells, _DISPLACEMENTS]
+        dofs = V.dofmap.list[:n_cells, DISPLACEMENTS]
         self.cells = np.flatnonzero(constrained[dofs].any(axis=1))
         self.unknowns, self._constrained = dofs[self.cells], constrained
         self._index_map = V.dofmap.index_map

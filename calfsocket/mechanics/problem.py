@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from calfsocket.contact.active_set import ActiveSet
 from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.nitsche import ContactState
+from calfsocket.contact.parameters import Contact
 from calfsocket.forms.element import section_element
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.io.fenics import cell_nodes, evaluate
@@ -28,6 +29,7 @@ from calfsocket.mechanics.even_load import EvenLoad
 from calfsocket.mechanics.foundation import Foundation, FoundationTerm
 from calfsocket.mechanics.frame import RigidFrame
 from calfsocket.mechanics.kernels.cells import CellLoops, quadrature
+from calfsocket.mechanics.layout import Layout
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.quality import determinant
 
@@ -127,7 +129,31 @@ class Problem:
         if contact is not None:
             self._contact = contact.kind(self.w, section, laws, self.fields, contact)
         self.carrier: Carrier | None = None
+        self._layout: Layout | None = None
         self._load = 0.0
+
+    def restart(self, laws: Mapping[str, Law], contact: Contact | None = None) -> None:
+        """Go back to where it was made, with other numbers in laws and contact (collective).
+
+        What depends on the geometry alone stays: spaces, compiled expressions, the interface and
+        the layout of the tangent, so that Newton's method, which must be made anew, finds it
+        analysed. Stress-free states are those of the reference again.
+
+        Raises
+        ------
+        ValueError
+            If a region would change its kind of law, or a carrier has a boundary.
+        """
+        if self.carrier is not None:
+            raise ValueError("a problem with a carrier cannot go back to where it was made")
+        self.fields.stress_free.clear()
+        self.set_laws(laws)
+        self.w.x.array[:] = 0.0
+        if self.foundation is not None:
+            self.foundation.rest(self.w.x.array)
+        if self._contact is not None:
+            self._contact.restart(contact or self._contact.parameters)
+        self.load = 0.0
 
     @property
     def contact(self) -> ContactInterface:
@@ -261,8 +287,10 @@ class Problem:
         condensed = (
             self.carrier.tangent(self.V, **parts)
             if self.carrier
-            else CondensedTangent(self.V, **parts, prescribed=self._has_values)
+            else CondensedTangent(self.V, **parts, prescribed=self._has_values, layout=self._layout)
         )
+        if self._layout is None and not self.carrier:
+            self._layout = condensed.layout
         size = self._size
         return PETSc.Mat().createPython((size, size), condensed, comm=self.comm)
 

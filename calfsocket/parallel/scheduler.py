@@ -1,7 +1,8 @@
 """Cases side by side: groups of ranks that take the next case as they become free."""
 
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,27 @@ from mpi4py import MPI
 from calfsocket.parallel.abort import PATIENCE_S
 
 _REPORT = 71
+FREE = -1
+"""Taker of a case that nobody has taken."""
+
+
+def chosen(families: Sequence[int], takers: Sequence[int], last: int | None) -> int:
+    """Return the case for a group whose last one was of a family; -1 when all are taken.
+
+    It goes on with that family. Otherwise it takes the first case of a family that no group is
+    busy with, or helps with the one that has the most cases left.
+    """
+    free = [case for case, taker in enumerate(takers) if taker == FREE]
+    if not free:
+        return FREE
+    left = Counter(families[case] for case in free)
+    begun = {family for family, taker in zip(families, takers, strict=True) if taker != FREE}
+    if last is not None and left[last]:
+        family = last
+    else:
+        fresh = [each for each in left if each not in begun]
+        family = fresh[0] if fresh else left.most_common(1)[0][0]
+    return next(case for case in free if families[case] == family)
 
 
 class Scheduler:
@@ -19,8 +41,9 @@ class Scheduler:
     ----------
     comm : MPI.Intracomm
         All ranks (collective).
-    n_cases : int
-        Cases to share out.
+    families : sequence of int
+        Number of the family of each case to share out. A group that has solved a case of a family
+        goes on with that family as long as it can: those cases share what was made for the first.
     ranks_per_case : int, optional
         Ranks of a group. If None, one: cases side by side are faster than one case on
         several ranks; more where there are more ranks than cases.
@@ -38,12 +61,13 @@ class Scheduler:
     def __init__(
         self,
         comm: MPI.Intracomm,
-        n_cases: int,
+        families: Sequence[int],
         ranks_per_case: int | None,
         on_report: Callable[[Any], None],
     ) -> None:
         self._comm = comm
-        self._n_cases = n_cases
+        self._families = list(families)
+        n_cases = len(families)
         self._on_report = on_report
         if ranks_per_case is None:
             self.n_groups = min(comm.size, n_cases)
@@ -54,24 +78,32 @@ class Scheduler:
             colour = min(comm.rank // ranks_per_case, self.n_groups - 1)
         self.group = MPI.Intracomm(comm.Split(colour, comm.rank))
         self._agreement = MPI.Intracomm(self.group.Dup())  # apart from what a case may leave behind
-        # One counter on rank 0, which groups raise without rank 0 taking part.
-        size = np.dtype(np.int64).itemsize if comm.rank == 0 else 0
-        self._counter = MPI.Win.Allocate(size, disp_unit=8, comm=comm)
+        self._colour, self._last = colour, -1
+        # Who has taken each case, on rank 0; groups write there without rank 0 taking part.
+        size = n_cases * np.dtype(np.int64).itemsize if comm.rank == 0 else 0
+        self._takers = MPI.Win.Allocate(size, disp_unit=8, comm=comm)
         if comm.rank == 0:
-            self._counter.Lock(0)
-            self._counter.Put(np.zeros(1, dtype=np.int64), 0)
-            self._counter.Unlock(0)
+            self._takers.Lock(0)
+            self._takers.Put(np.full(n_cases, FREE), 0)
+            self._takers.Unlock(0)
         comm.Barrier()
 
     def next_case(self) -> int | None:
         """Return the next case number for this group, or None when all are given out."""
-        taken = np.zeros(1, dtype=np.int64)
+        case = FREE
         if self.group.rank == 0:
-            self._counter.Lock(0)
-            self._counter.Fetch_and_op(np.ones(1, dtype=np.int64), taken, 0, op=MPI.SUM)
-            self._counter.Unlock(0)
-        case = self.group.bcast(int(taken[0]), root=0)
-        return case if case < self._n_cases else None
+            takers = np.empty(len(self._families), dtype=np.int64)
+            self._takers.Lock(0)  # alone, from looking to taking
+            self._takers.Get(takers, 0)
+            self._takers.Flush(0)
+            last = self._families[self._last] if self._last >= 0 else None
+            case = chosen(self._families, takers.tolist(), last)
+            if case != FREE:
+                mine = np.array([self._colour], dtype=np.int64)
+                self._takers.Put(mine, 0, target=[case, 1, MPI.INT64_T])
+            self._takers.Unlock(0)
+        self._last = self.group.bcast(case, root=0)
+        return None if self._last == FREE else self._last
 
     def agree(self, failure: str) -> str:
         """Agree on how a case ended (every rank of the group, once a case).
@@ -117,6 +149,6 @@ class Scheduler:
             time.sleep(0.02)
         if self._comm.rank == 0:
             self.collect()
-        self._counter.Free()
+        self._takers.Free()
         self._agreement.Free()
         self.group.Free()

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
@@ -32,7 +32,7 @@ from calfsocket.mechanics.stages import StageMilestone, StageStepper
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.lining import Fit, fitted
+from calfsocket.meshes.lining import Fit, Lining, fitted
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.section import section_mesh
 from calfsocket.meshes.sizing import MeshSize, mesh_size
@@ -42,6 +42,7 @@ from calfsocket.postprocess.extract import contact_line, section_fields, skin_li
 from calfsocket.postprocess.loading_curve import curve_table, in_words
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
+from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.profile import Phases, Profile
 from calfsocket.simulation.record import CaseRecord, Checks, StateRecord
 from calfsocket.simulation.result import Result
@@ -197,6 +198,19 @@ class Simulation:
         return fitted(self.limb, self.socket, self.liner)
 
     @property
+    def geometry(self) -> str:
+        """All that the mesh depends on, as JSON: cases that share it differ in numbers alone."""
+        shape = self.liner and self.liner.model_dump(mode="json", include=set(Lining.model_fields))
+        return json.dumps(
+            {
+                "limb": self.limb.model_dump(mode="json"),
+                "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
+                "liner": shape,
+                "size": asdict(self.mesh_size),
+            }
+        )
+
+    @property
     def inputs(self) -> dict[str, Any]:
         """All that the result depends on, except versions and PETSc's options, as JSON."""
         # What is as by default is left out, so that earlier results keep their fingerprints.
@@ -232,6 +246,7 @@ class Simulation:
         checkpoint: Path | None = None,
         resume: bool = False,
         profile: Profile | None = None,
+        prepared: Prepared | None = None,
     ) -> Result:
         """Mesh, solve and check (collective).
 
@@ -245,6 +260,8 @@ class Simulation:
             Start from that file if it was made from the same inputs.
         profile : Profile, optional
             Times the solution.
+        prepared : Prepared, optional
+            Mesh and problem of the last case, which are taken where they are those of this one.
 
         Returns
         -------
@@ -259,15 +276,25 @@ class Simulation:
             If the full load, or the end of a stage, is not reached; its `result` holds the last
             equilibrium. A force that the limb cannot bear is a result, and no error.
         """
-        monitor = monitor or Monitor()
+        monitor, prepared = monitor or Monitor(), prepared or Prepared()
         on_first_rank(self.comm, lambda: self.placement)
         monitor.message("mesh and set-up", 0.0, True)
         precompile(self.comm, [self.materials], [self.liner.law] if self.liner else [])
         with self.phases("mesh"):
-            section = section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner)
+            section = prepared.section(
+                self.geometry,
+                lambda: section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner),
+            )
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
-            problem = limb_problem(section, laws, self.contact, self.support, donning=self.donning)
+            problem = prepared.problem(
+                laws,
+                self.contact,
+                (self.support, self.donning),
+                lambda: limb_problem(
+                    section, laws, self.contact, self.support, donning=self.donning
+                ),
+            )
             if self.liner and (state := self.liner.stress_free(self._fit)):
                 problem.set_stress_free({tags.LINER: state})
             stepper = LoadStepper(

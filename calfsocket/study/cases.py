@@ -77,6 +77,11 @@ class Case:
         """Values of the columns that name it in every table."""
         return self.socket.name, self.materials.name
 
+    @property
+    def geometry(self) -> str:
+        """What its mesh depends on: cases that share it are solved one after the other."""
+        return self.simulation(MPI.COMM_SELF).geometry
+
     def simulation(self, comm: MPI.Intracomm | None = None) -> Simulation:
         """Return the simulation of the case on a communicator."""
         model = self.document.model

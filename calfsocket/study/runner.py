@@ -1,11 +1,10 @@
 """The cases of a study, solved side by side by groups of ranks."""
 
-import ctypes
 import gc
 import logging
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from calfsocket.parallel.scheduler import Scheduler
 from calfsocket.postprocess.thresholds import shares_beyond
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.precompile import precompile
+from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.profile import PROFILE_FILE, Phases, Profile
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.result import CURVE_FILE, Result
@@ -93,21 +93,26 @@ class Runner:
 
         with reporter or nullcontext():
             precompile(self.comm, [case.materials for case in cases])
-            scheduler = Scheduler(self.comm, len(cases), self.ranks_per_case, on_report)
-            if scheduler.n_groups > 1:
+            if self.comm.size > 1:
                 cases = longest_first(cases)
+            families = numbered([case.geometry for case in cases])
+            scheduler = Scheduler(self.comm, families, self.ranks_per_case, on_report)
+            prepared = Prepared()
             while (number := scheduler.next_case()) is not None:
-                runner = _CaseRunner(self, scheduler, cases[number])
+                runner = _CaseRunner(self, scheduler, cases[number], prepared)
                 scheduler.report(runner.attempt(resume))
-                _return_memory()
+                if families.count(families[number]) == 1:
+                    prepared.forget()
+                gc.collect()
             scheduler.finish()
 
 
 class _CaseRunner(Monitor):
     """One case on its group of ranks: solved, written, and its end agreed upon."""
 
-    def __init__(self, study: Runner, scheduler: Scheduler, case: Case) -> None:
+    def __init__(self, study: Runner, scheduler: Scheduler, case: Case, prepared: Prepared) -> None:
         self._study, self._scheduler, self._case = study, scheduler, case
+        self._prepared = prepared
         self._steps: list[LoadStep] = []
         self._is_root = scheduler.group.rank == 0
         self._troubles: set[str] = set()
@@ -148,7 +153,7 @@ class _CaseRunner(Monitor):
         profile = Profile() if study.profile else None
         try:
             result = simulation.solve(
-                self, study.out / case.name / CHECKPOINT_FILE, resume, profile
+                self, study.out / case.name / CHECKPOINT_FILE, resume, profile, self._prepared
             )
         except ConvergenceError as error:
             result = error.result
@@ -247,11 +252,7 @@ def longest_first(cases: Sequence[Case]) -> tuple[Case, ...]:
     )
 
 
-def _return_memory() -> None:
-    """Free what a case leaves: Python's cycles, and pages that glibc keeps for later.
-
-    The next case does not fit into their gaps: without this, six cases come to twice the memory.
-    """
-    gc.collect()
-    with suppress(AttributeError):  # not glibc
-        ctypes.CDLL(None).malloc_trim(0)
+def numbered(geometries: Sequence[str]) -> list[int]:
+    """Return a number for each, the same for those that are the same."""
+    numbers: dict[str, int] = {}
+    return [numbers.setdefault(each, len(numbers)) for each in geometries]
