@@ -13,8 +13,6 @@ import pytest
 from mpi4py import MPI
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from calfsocket.simulation.results import Results
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -93,25 +91,12 @@ def mpirun(launch: Callable[..., subprocess.CompletedProcess[str]]) -> Callable[
 
 
 def write_small_report(folder: Path) -> Path:
-    """Write a report whose figures have few pixels and whose PDF files are stubs.
+    """Write the report of a folder with small figures."""
+    from report_text import write_small
 
-    Nearly all of a report's time goes into those; `test_report_figures` looks at real ones.
-    """
-    from calfsocket.commands.report import write
-    from calfsocket.report import page as writing
-    from calfsocket.report.figures import maps
+    from calfsocket.simulation.results import load_results
 
-    def save(figure: "Figure", folder: Path, name: str) -> tuple[Path, Path]:
-        png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
-        folder.mkdir(exist_ok=True)
-        figure.savefig(png, dpi=50)
-        pdf.write_bytes(b"%PDF-1.4")
-        return png, pdf
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writing, "save", save)
-        patch.setattr(maps, "PIXELS", 100)
-        write(folder)
+    write_small(load_results(folder))
     return folder
 
 

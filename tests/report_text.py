@@ -1,7 +1,9 @@
 """Writes reports with small figures and reads them as people do."""
 
 import html
+import json
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from calfsocket.paper.guest import guest
-from calfsocket.report import page as pages
-from calfsocket.report.figures import maps
+from calfsocket.plotting.files import Drawing, PageImage, pixels, png
+from calfsocket.report import findings
 from calfsocket.report.findings import Findings
+from calfsocket.report.page import FIGURES
 from calfsocket.report.write import Guest, write_report
 from calfsocket.simulation.results import Results
 
@@ -42,27 +45,36 @@ class Report:
 
 def written(results: Results, invite: Callable[[Findings], Guest | None] = guest) -> Report:
     """Write the report of results into their folder and read it."""
-    drawn: dict[str, list[str]] = {}
-
-    def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
-        # an axis that is not shown still has its ticks
-        drawn[name] = [
-            text.get_text()
-            for text in figure.findobj(Text)
-            if (text.get_text() and (text.axes is None or text.axes.axison))
-            or text in (text.axes.texts if text.axes else ())
-        ]  # fmt: skip
-        folder.mkdir(parents=True, exist_ok=True)
-        png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
-        figure.savefig(png, dpi=40)
-        pdf.write_bytes(b"%PDF-1.4")
-        return png, pdf
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pages, "save", save)
-        patch.setattr(maps, "PIXELS", 100)
-        page = write_report(results, invite)
+    shutil.rmtree(results.folder / FIGURES, ignore_errors=True)
+    page = write_small(results, invite)
+    files = (results.folder / FIGURES).glob("*.pdf")
+    drawn = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in files}
     return Report(plain(page.read_text(encoding="utf-8")), drawn)
+
+
+def write_small(results: Results, invite: Callable[[Findings], Guest | None] = guest) -> Path:
+    """Write a report whose figures have few pixels; return its page.
+
+    Nearly all of a report's time goes into those; `test_report_figures` looks at real ones.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Drawing, "of", _small)
+        patch.setattr(findings, "PIXELS", 100)
+        return write_report(results, invite)
+
+
+def _small(figure: Figure) -> Drawing:
+    """Draw a figure with few pixels; in the place of its PDF are the texts that it shows."""
+    # an axis that is not shown still has its ticks
+    texts = [
+        text.get_text()
+        for text in figure.findobj(Text)
+        if (text.get_text() and (text.axes is None or text.axes.axison))
+        or text in (text.axes.texts if text.axes else ())
+    ]  # fmt: skip
+    figure.set_dpi(40)
+    image = pixels(figure)
+    return Drawing(png(image, 40), json.dumps(texts).encode(), PageImage.of(image))
 
 
 def plain(page: str) -> str:

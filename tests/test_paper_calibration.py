@@ -111,7 +111,7 @@ def test_figure_3_stands_in_its_place(tmp_path):
     write_calibration(tmp_path / "calibration")
     added = guest(findings(tmp_path))
     assert added.numbers["calibration"] == "3"
-    png, pdf = added.figures["calibration"]
+    png, pdf = added.made["calibration"]
     assert png.is_file() and pdf.is_file()
     assert added.tables["calibration"].name == "calibration"
     assert added.warnings == () and not added.values["missing"]
@@ -122,7 +122,7 @@ def test_without_a_calibration_the_page_says_how_to_get_one(tmp_path, caplog):
     how = "python3 -m calfsocket calibrate --out FOLDER/calibration"
     missing = added.values["missing"]
     assert missing.startswith("Figure 3 needs ") and how in missing
-    assert "calibration" not in {**added.figures, **added.tables}
+    assert "calibration" not in {**added.made, **added.tables}
     assert added.warnings == () and caplog.records == []
     found = board(tmp_path)
     assert (found.verdict == UNCHECKED).all() and found.why[CLAIMS].str.contains(how).all()
@@ -214,10 +214,9 @@ def test_a_broken_calibration_gets_one_line(spoil, says, tmp_path):
 def test_the_report_is_made_without_a_broken_calibration(tmp_path, caplog):
     broken_json(write_calibration(tmp_path / "calibration"))
     with caplog.at_level(logging.WARNING):
-        added = guest(findings(tmp_path))
+        missing = (added := guest(findings(tmp_path))).values["missing"]
     (record,) = caplog.records
     assert record.getMessage().startswith("the calibration is left out: ")
-    missing = added.values["missing"]
     assert missing.startswith("The calibration, figure 3, is left out: ")
     assert added.warnings == (missing,)
     assert board(tmp_path).why[CLAIMS].str.contains(r"calibration\.json").all()

@@ -127,10 +127,11 @@ def test_the_cell_of_table_2(evidence):
 def bars_and_marks(figure) -> tuple[list[float], list[float]]:
     bars = [bar.get_height() for axes in figure.axes for c in axes.containers for bar in c]
     marks = [
-        line.get_ydata()[0]
+        mark
         for axes in figure.axes
         for line in axes.lines
         if line.get_marker() == "D"
+        for mark in line.get_ydata()
     ]
     return bars, marks
 

@@ -13,6 +13,7 @@ from calfsocket.plotting import case as picture
 from calfsocket.plotting import pressure_band
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
+from calfsocket.plotting.raster import Raster
 from report_results import result
 from sections import contact_around, limb_and_socket
 
@@ -74,14 +75,15 @@ def test_a_field_is_sampled_where_it_is_and_only_in_its_cells():
     muscle = fields.cells_of("muscle")
     x, y = np.moveaxis(fields.points[fields.cells], -1, 0)
     window = (-48.0, 48.0, -48.0, 48.0)
-    image = drawing.field_image(fields, 2 * x - 3 * y, muscle, window, 240)
+    raster = Raster.of(fields.deformed[fields.cells[muscle]], window, 240)
+    image = raster.image((2 * x - 3 * y)[muscle])
     centre = (np.arange(240) + 0.5) * 0.4 - 48
     x, y = np.meshgrid(centre, centre)
     radius = np.hypot(x, y)
     assert image.mask[(radius < 11.9) | (radius > 40.1)].all()
     ring = (radius > 12.2) & (radius < 39.8) & (np.hypot(x - 25, y) > 9)
     assert not image.mask[ring].any()
-    # linear in x and y: to 0.1 mm, since VTK finds the place in a curved cell by straight pieces
+    # linear in x and y: to 0.1 mm, since the place in a curved cell is found by straight pieces
     np.testing.assert_allclose(image[ring], (2 * x - 3 * y)[ring], atol=0.1 * np.hypot(2, 3))
 
 

@@ -9,7 +9,10 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from calfsocket.plotting.style import MOST_ABREAST, MOST_SHOWN, abreast, save, type_set
+from calfsocket.plotting.files import Drawing
+from calfsocket.plotting.raster import FieldImage
+from calfsocket.plotting.style import MOST_ABREAST, MOST_SHOWN, abreast, type_set
+from calfsocket.report import findings
 from calfsocket.report.figures import figures, geometry, maps, pressure
 from calfsocket.report.findings import Findings
 from report_results import ALL, contact_on, limb, results_of
@@ -18,7 +21,7 @@ from sections import annulus
 
 @pytest.fixture(autouse=True)
 def few_pixels(monkeypatch) -> None:
-    monkeypatch.setattr(maps, "PIXELS", 200)
+    monkeypatch.setattr(findings, "PIXELS", 200)
 
 
 def texts(figure: Figure) -> list[str]:
@@ -30,7 +33,7 @@ def test_files_are_at_300_dpi_and_180_mm_and_have_the_same_bytes_again(six_resul
     backend = matplotlib.get_backend()
     for number in ("first", "second"):
         with type_set():
-            save(figures(Findings(one))["contact_pressure"](), tmp_path, number)
+            Drawing.of(figures(Findings(one))["contact_pressure"]()).write(tmp_path, number)
     assert matplotlib.get_backend() == backend
     with Image.open(tmp_path / "first.png") as image:
         assert image.width == pytest.approx(180 / 25.4 * 300, abs=1)
@@ -93,14 +96,14 @@ def test_maps_show_values_on_one_scale(six_results):
     assert (maps.EFFECTIVE_STRESS.low, maps.EFFECTIVE_STRESS.high) == (0, 10)
     assert (maps.SHEAR_STRAIN.low, maps.SHEAR_STRAIN.high) == (-50, 50)
     figure = maps.draw_map(Findings(six_results), maps.EFFECTIVE_STRESS)
-    images = [image for axes in figure.axes for image in axes.get_images()]
+    images = figure.findobj(FieldImage)
     assert len(images) == 6
-    assert {(image.norm.vmin, image.norm.vmax) for image in images} == {(0, 10)}
+    assert {image.scale.get_clim() for image in images} == {(0, 10)}
     # stress in proportion to 2 (TC), 1 (TSB), 3 (HS), times 1.5 in the second row
-    means = [image.get_array().mean() for image in images]
+    means = [image.values.mean() for image in images]
     np.testing.assert_allclose(np.divide(means, means[1]), [2, 1, 3, 3, 1.5, 4.5], rtol=0.02)
     above = matplotlib.colors.to_rgb(maps.EFFECTIVE_STRESS.beyond)
-    assert images[0].cmap(11.0 / 0.1)[:3] == pytest.approx(above)
+    assert images[0].scale.cmap(11.0 / 0.1)[:3] == pytest.approx(above)
 
 
 def test_sites_move_with_the_limb():

@@ -7,6 +7,7 @@ import re
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from report_text import Report, plain, written
@@ -16,6 +17,7 @@ from calfsocket.commands import report as command
 from calfsocket.report import method
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.findings import Findings
+from calfsocket.simulation import results
 from calfsocket.study.study import Study
 from conftest import WHY
 from report_results import contact_on, limb, results_of
@@ -193,7 +195,8 @@ def test_the_method_has_settings_in_words(six_results):
 
 def test_command_writes_the_report_with_the_thresholds_asked_for(monkeypatch, capsys):
     asked = []
-    monkeypatch.setattr(command, "write", lambda *given: asked.append(given) or "page")
+    monkeypatch.setattr(results, "load_results", lambda folder: folder)
+    monkeypatch.setattr(command, "write", lambda _, *given: asked.append(given) or "page")
     assert cli.main(["report", "here", "--muscle-shear", "40", "--fascia-strain", "20"]) == 0
     assert asked == [(Path("here"), DamageThresholds(muscle_shear_pct=40, fascia_strain_pct=20))]
     assert capsys.readouterr().out == "page\n"
@@ -217,8 +220,13 @@ def test_bad_input_is_one_line(words, says, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("solved", [True, False])
 def test_a_report_that_fails_does_not_change_the_exit_code(solved, tmp_path, monkeypatch, caplog):
     keys = {("TC", "separate"), ("TC", "combined")} if solved else set()
-    monkeypatch.setattr(Study, "run", lambda *_, **__: keys)
-    monkeypatch.setattr(command, "write", lambda _: 1 / 0)
+
+    def run(*_, then, **__):
+        then(SimpleNamespace(folder=tmp_path / "r"))
+        return keys
+
+    monkeypatch.setattr(Study, "run", run)
+    monkeypatch.setattr(command, "write", lambda *_: 1 / 0)
     with caplog.at_level(logging.WARNING):
         code = cli.main(["--out", str(tmp_path / "r"), "--sockets", "TC"])
     assert code == (0 if solved else 1)
@@ -228,6 +236,10 @@ def test_a_report_that_fails_does_not_change_the_exit_code(solved, tmp_path, mon
 
 
 def test_no_report_is_written_when_none_is_wanted(tmp_path, monkeypatch):
-    monkeypatch.setattr(Study, "run", lambda study, *_, **__: {c.key for c in study.plan.cases})
-    monkeypatch.setattr(command, "write", lambda _: pytest.fail("written"))
+    def run(study, *_, then, **__):
+        then(SimpleNamespace(folder=tmp_path / "r"))
+        return {case.key for case in study.plan.cases}
+
+    monkeypatch.setattr(Study, "run", run)
+    monkeypatch.setattr(command, "write", lambda *_: pytest.fail("written"))
     assert cli.main(["--out", str(tmp_path / "r"), "--no-report"]) == 0

@@ -4,11 +4,12 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calfsocket.commands import command, first_rank, group, option
+from calfsocket.commands import Comm, command, first_rank, group, option
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
     from calfsocket.report.damage import DamageThresholds
+    from calfsocket.simulation.results import Results
 
 
 @command(
@@ -28,22 +29,23 @@ gets what it allows. Beside results of the paper's cases stand the paper's own, 
 its claims.
 """,
 )
-@first_rank
-def report(arguments: Namespace) -> None:
+def report(comm: Comm, arguments: Namespace) -> None:
     """Make tables, figures and page of a solved study."""
     from calfsocket.report.damage import DamageThresholds
-
-    thresholds = DamageThresholds(arguments.muscle_shear, arguments.fascia_strain)
-    print(write(arguments.folder, thresholds))
-
-
-def write(folder: Path, thresholds: "DamageThresholds | None" = None) -> Path:
-    """Write the report of a folder of results, with what the paper adds; return its page."""
-    from calfsocket.paper.guest import guest
-    from calfsocket.report.write import write_report
     from calfsocket.simulation.results import load_results
 
-    return write_report(load_results(folder), guest, thresholds)
+    thresholds = DamageThresholds(arguments.muscle_shear, arguments.fascia_strain)
+    page = write(comm, load_results(arguments.folder), thresholds)
+    if comm.rank == 0:
+        print(page)
+
+
+def write(comm: Comm, results: "Results", thresholds: "DamageThresholds | None" = None) -> Path:
+    """Write the report of results, with what the paper adds (collective); return its page."""
+    from calfsocket.paper.guest import guest
+    from calfsocket.report.write import write_report
+
+    return write_report(results, guest, thresholds, comm)
 
 
 @command(

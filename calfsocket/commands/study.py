@@ -3,6 +3,7 @@
 import logging
 from argparse import Namespace
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from calfsocket.parallel.first_rank import on_first_rank
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from calfsocket.simulation.results import Results
     from calfsocket.study.study import Study
 
 log = logging.getLogger("calfsocket")
@@ -219,29 +221,30 @@ def solve(comm: Comm, study: "Study", arguments: Namespace) -> int:
             pictures=not arguments.no_pictures,
             profile=arguments.profile,
             console=console,
+            then=lambda results: _finish(comm, results, arguments, console),
         )
     except KeyboardInterrupt as interrupt:
         raise type(interrupt)(
             f"interrupted; the finished cases are complete in {out}, and the same command with "
             "--resume continues"
         ) from None
-    if comm.rank == 0:
-        _finish(out, arguments, console)
     solved = all(case.key in results for case in study.plan.to_solve)
     return OK if solved else CASE_FAILED
 
 
-def _finish(out: Path, arguments: Namespace, console: "Console") -> None:
+def _finish(comm: Comm, results: "Results", arguments: Namespace, console: "Console") -> None:
     """Show the profile and write the report; neither may fail what is solved."""
     from calfsocket.simulation import profile
     from calfsocket.study.runner import logged
 
-    if arguments.profile:
+    out = results.folder
+    if arguments.profile and comm.rank == 0:
         with logged(f"the profile of {out} could not be made"):
             console.print(profile.table(out))
     if not arguments.no_report:
-        with logged(f"the report in {out} could not be made"):
-            log.info("report: %s", report.write(out))
+        said = logged(f"the report in {out} could not be made")
+        with said if comm.rank == 0 else suppress(Exception):
+            log.info("report: %s", report.write(comm, results))
 
 
 def _log_to(console: "Console") -> None:

@@ -14,7 +14,8 @@ from calfsocket.calibration.specimen import Specimen
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.tissues import KPA, MUSCLE_AND_FASCIA
 from calfsocket.plotting import section as drawing
-from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure, save, type_set
+from calfsocket.plotting.files import Drawing
+from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure, type_set
 from calfsocket.postprocess.fields import SectionFields
 
 COLOURS = {**drawing.TISSUE_COLOURS, "socket": drawing.SOCKET}
@@ -34,7 +35,7 @@ SCALE_BAR_ROOM = 6.0
 def draw(calibration: Calibration, folder: Path) -> tuple[Path, Path]:
     """Write figure3.png and figure3.pdf; return their paths."""
     with type_set():
-        return save(figure(calibration), folder, FIGURE)
+        return Drawing.of(figure(calibration)).write(folder, FIGURE)
 
 
 def figure(calibration: Calibration) -> Figure:

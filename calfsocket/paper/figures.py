@@ -16,6 +16,7 @@ from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
 from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import names
+from calfsocket.report.changes import complete_sockets
 
 # After Okabe and Ito: distinct to colour-blind eyes, and in print by their lightness.
 SOCKET_COLOURS = {"TC": "#e69f00", "TSB": "#56b4e9", "HS": "#1b4f72"}
@@ -34,21 +35,24 @@ LIMITED_PCT = 250.0
 PAPER: dict[str, Any] = {"linestyle": "", "marker": "D", "markeredgewidth": 0.6}
 PAPER |= {"markerfacecolor": "white", "markeredgecolor": "black"}
 
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+"""Digits of an exponent."""
+
 AT_SITES = ("max_separate", "max_combined")
 
 
 def figures(evidence: Evidence) -> dict[str, Callable[[], Figure]]:
     """Return the figures by name, not yet drawn; none where no socket has both sets."""
-    table = evidence.compared_changes
-    if table.empty:
+    if not complete_sockets(evidence.results):
         return {}
     ours, magnitudes = ("ours", "paper"), ("ours_magnitude", "paper_magnitude")
+    relative, change = "relative change, eq. (3), %", "change of magnitude, %"
     return {
         # as the paper's figure 5
-        "changes_of_maxima": lambda: _maxima(table, ours, "relative change, eq. (3), %"),
-        "changes_of_magnitude": lambda: _maxima(table, magnitudes, "change of magnitude, %"),
-        "stress_at_sites": lambda: at_sites(table, STRESSES),
-        "strain_at_sites": lambda: at_sites(table, STRAINS),
+        "changes_of_maxima": lambda: _maxima(evidence.compared_changes, ours, relative),
+        "changes_of_magnitude": lambda: _maxima(evidence.compared_changes, magnitudes, change),
+        "stress_at_sites": lambda: at_sites(evidence.compared_changes, STRESSES),
+        "strain_at_sites": lambda: at_sites(evidence.compared_changes, STRAINS),
     }
 
 
@@ -109,7 +113,7 @@ def _power(value: float, _: object = None) -> str:
     if abs(value) < 1e4:
         return f"{value:+g}".replace("-", "\N{MINUS SIGN}") if value else "0"
     sign = "\N{MINUS SIGN}" if value < 0 else "+"
-    return rf"{sign}10$^{{{round(np.log10(abs(value)))}}}$"
+    return f"{sign}10{str(round(np.log10(abs(value)))).translate(RAISED)}"
 
 
 def _bars(
@@ -124,31 +128,31 @@ def _bars(
 
     `columns` are ours, as bars, and the paper's, as marks.
     """
-    at = table.set_index(["tissue", inner, "socket"])
     breadth = len(inners) + 0.45
     width = 0.84 / len(sockets)
-    ticks, labels = [], []
     tissues = [tissue for tissue in SUMMARY_TISSUES if tissue in set(table.tissue)]
+    left = {tissue: i * breadth for i, tissue in enumerate(tissues)}
+    shown = table[table[inner].isin(inners)]
+    x = (
+        shown.tissue.map(left)
+        + shown[inner].map({name: k + 0.08 for k, name in enumerate(inners)})
+        + shown.socket.map({socket: (s + 0.5) * width for s, socket in enumerate(sockets)})
+    )
+    axes.bar(x, shown[columns[0]], width, color=shown.socket.map(SOCKET_COLOURS), zorder=2)
+    axes.plot(x, shown[columns[1]], **PAPER, markersize=2.6, zorder=3)
     for i, tissue in enumerate(tissues):
-        left = i * breadth
         if i % 2 == 0:
-            axes.axvspan(left - 0.225, left + breadth - 0.225, color="#f2f2f2", zorder=0, lw=0)
-        for k, name in enumerate(inners):
-            ticks.append(left + k + 0.5)
-            labels.append(SHORT[name])
-            for s, socket in enumerate(sockets):
-                if (tissue, name, socket) not in at.index:
-                    continue
-                row = at.loc[(tissue, name, socket)]
-                x = left + k + 0.08 + (s + 0.5) * width
-                axes.bar(x, row[columns[0]], width, color=SOCKET_COLOURS[socket], zorder=2)
-                axes.plot(x, row[columns[1]], **PAPER, markersize=2.6, zorder=3)
+            axes.axvspan(
+                left[tissue] - 0.225, left[tissue] + breadth - 0.225,
+                color="#f2f2f2", zorder=0, lw=0,
+            )  # fmt: skip
         axes.text(
-            left + 0.5 * len(inners), -0.11, names.TISSUES[tissue],
+            left[tissue] + 0.5 * len(inners), -0.11, names.TISSUES[tissue],
             transform=axes.get_xaxis_transform(), ha="center", va="top", fontsize=7.5,
         )  # fmt: skip
     axes.axhline(0, color="black", linewidth=0.6, zorder=2.5)
-    axes.set_xticks(ticks, labels)
+    ticks = [at + k + 0.5 for at in left.values() for k in range(len(inners))]
+    axes.set_xticks(ticks, [SHORT[name] for name in inners] * len(tissues))
     axes.tick_params(axis="x", length=0)
     axes.set_xlim(-0.225, len(tissues) * breadth - 0.225)
     axes.grid(axis="y", color="#d0d0d0", linewidth=0.4, zorder=1)

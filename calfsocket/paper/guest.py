@@ -1,6 +1,10 @@
 """What the paper adds to the report of a study that holds its cases."""
 
 import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any, get_args
 
 import pandas as pd
@@ -12,14 +16,15 @@ from calfsocket.materials.tissues import FASCIA_C10
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
 from calfsocket.paper import calibration, choices, scoreboard
-from calfsocket.paper.calibration import NoCalibration
+from calfsocket.paper.calibration import Calibration, NoCalibration
 from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.figures import figures
 from calfsocket.paper.published import PARTS, pressure
 from calfsocket.paper.tables import FLIP, tables
 from calfsocket.report import method
 from calfsocket.report.findings import Findings
-from calfsocket.report.write import Guest
+from calfsocket.report.table import Table
+from calfsocket.report.write import Draw, Guest
 from calfsocket.simulation.results import Key, Results
 
 log = logging.getLogger(__name__)
@@ -77,50 +82,103 @@ def _shape(limb: Limb) -> tuple[Any, ...]:
     return limb.axes, limb.layers, limb.fixed_boundary, regions, curves
 
 
-def guest(findings: Findings) -> Guest | None:
+def guest(findings: Findings) -> "PaperGuest | None":
     """Return what the paper adds; None where a study holds none of its cases."""
     keys = papers_cases(findings.results)
-    if not keys:
-        return None
-    evidence = Evidence(findings.results.only(keys), findings.thresholds)
-    board = scoreboard.scoreboard(evidence)
-    shown = {table.name: table for table in choices.tables(findings)}
-    shown |= {**tables(evidence), "scoreboard": scoreboard.table(board)}
-    drawn: dict[str, Any] = figures(evidence)
-    counted = scoreboard.counts(board)
-    printed = pressure().set_index(["quantity", "socket"]).printed["contact_pressure_max"]
-    of_paper = choices.are_the_papers(findings)
-    values = {
-        "settings": method.in_words(findings, {**method.FIRST, **CHOICES}),
-        "whole": len(keys) == len(findings.results),
-        "flip": FLIP,
-        "papers_variants": of_paper,
-        "rises": printed[evidence.changes.socket.unique()],
-        "counted": counted,
-        "tally": scoreboard.tally(counted),
-        "parts": scoreboard.parts(board),
-        "ratio": evidence.maxima.ratio.dropna(),
-        "board": board,
-        "board_by_part": _by_part(board),
-        "marks": MARKS,
-        "choices_title": "What the paper leaves open" if of_paper else "What the variants change",
-        "missing": "",
-        "calibrated": None,
-    }
-    warnings: tuple[str, ...] = ()
-    try:
-        found = evidence.calibration
-    except NoCalibration as error:
-        values["missing"] = f"Figure 3 {error}."
-    except InputError as error:
-        log.warning("the calibration is left out: %s", error)
-        values["missing"] = f"The calibration, figure 3, is left out: {error}."
-        warnings = (values["missing"],)
-    else:
-        values["calibrated"] = found.record.inputs
-        drawn["calibration"] = found.figure
-        shown["calibration"] = calibration.table(found, evidence.parameters.get("separate", {}))
-    return Guest(PACKAGE, "paper.html", shown, drawn, NUMBERS, warnings, values)
+    return PaperGuest(findings, keys) if keys else None
+
+
+@dataclass(frozen=True, eq=False)
+class PaperGuest(Guest):
+    """The paper's figures, tables and claims beside those of its cases that a study holds."""
+
+    findings: Findings
+    keys: Sequence[Key]
+    package, template, numbers = PACKAGE, "paper.html", NUMBERS
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What its claims are checked against."""
+        return Evidence(self.findings.results.only(self.keys), self.findings.thresholds)
+
+    @property
+    def figures(self) -> Mapping[str, Draw]:
+        """Those of changes."""
+        return figures(self.evidence)
+
+    @property
+    def made(self) -> Mapping[str, tuple[Path, Path]]:
+        """That of the calibration, where there is one."""
+        found = self._calibration
+        return {"calibration": found.figure} if isinstance(found, Calibration) else {}
+
+    @cached_property
+    def tables(self) -> Mapping[str, Table]:
+        """The paper's tables, the scoreboard, and what variants change of it."""
+        made = [*choices.tables(self.findings), *tables(self.evidence).values()]
+        made.append(scoreboard.table(self._board))
+        if isinstance(self._calibration, Calibration):
+            laws = self.evidence.parameters.get("separate", {})
+            made.append(calibration.table(self._calibration, laws))
+        return {table.name: table for table in made}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """That the calibration cannot be read."""
+        absent = isinstance(self._calibration, Calibration | NoCalibration)
+        return () if absent else (self._missing,)
+
+    @cached_property
+    def values(self) -> Mapping[str, Any]:
+        """What the sentences on the paper are about."""
+        evidence, board, found = self.evidence, self._board, self._calibration
+        counted = scoreboard.counts(board)
+        printed = pressure().set_index(["quantity", "socket"]).printed["contact_pressure_max"]
+        of_paper = choices.are_the_papers(self.findings)
+        return {
+            "settings": method.in_words(self.findings, {**method.FIRST, **CHOICES}),
+            "whole": len(self.keys) == len(self.findings.results),
+            "flip": FLIP,
+            "papers_variants": of_paper,
+            "rises": printed[evidence.changes.socket.unique()],
+            "counted": counted,
+            "tally": scoreboard.tally(counted),
+            "parts": scoreboard.parts(board),
+            "ratio": evidence.maxima.ratio.dropna(),
+            "board": board,
+            "board_by_part": _by_part(board),
+            "marks": MARKS,
+            "choices_title": "What the paper leaves open"
+            if of_paper
+            else "What the variants change",
+            "missing": self._missing,
+            "calibrated": found.record.inputs if isinstance(found, Calibration) else None,
+        }
+
+    @cached_property
+    def _board(self) -> pd.DataFrame:
+        return scoreboard.scoreboard(self.evidence)
+
+    @cached_property
+    def _calibration(self) -> Calibration | InputError:
+        """The calibration, or why there is none."""
+        try:
+            return self.evidence.calibration
+        except NoCalibration as error:
+            return error
+        except InputError as error:
+            log.warning("the calibration is left out: %s", error)
+            return error
+
+    @property
+    def _missing(self) -> str:
+        """Why there is no calibration, in words; empty where there is one."""
+        match self._calibration:
+            case NoCalibration() as why:
+                return f"Figure 3 {why}."
+            case InputError() as why:
+                return f"The calibration, figure 3, is left out: {why}."
+        return ""
 
 
 def _by_part(board: pd.DataFrame) -> list[tuple[str, list[dict[str, Any]]]]:

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from calfsocket.io.files import replacing
 from calfsocket.meshes.frame import Frame
 from calfsocket.plotting import pressure_band
 from calfsocket.plotting import section as drawing
+from calfsocket.plotting.files import save_png
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
@@ -93,13 +93,10 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, directions: F
         axes,
         fields,
         quantities.nodal["effective_stress"],
-        window,
-        PIXELS,
+        drawing.section_raster(fields, window, PIXELS),
+        stress,
         linewidth=0.45,
         zorder=3,
-        cmap=stress.cmap,
-        norm=stress.norm,
-        interpolation="nearest",
     )
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)
     levels = [PRESSURE_STEP_KPA * k for k in range(1, int(highest / PRESSURE_STEP_KPA) + 1)]
@@ -115,10 +112,7 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, directions: F
 
 def save(figure: Figure, folder: Path) -> Path:
     """Write a picture into a case's folder; return its path."""
-    path = Path(folder) / PICTURE_FILE
-    with replacing(path) as temporary:
-        figure.savefig(temporary, facecolor="white")
-    return path
+    return save_png(figure, Path(folder) / PICTURE_FILE)
 
 
 def case_title(socket: str, material_set: str) -> str:

@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from calfsocket.io.files import replacing
 from calfsocket.mechanics.loading import DONNED
-from calfsocket.plotting.style import PNG_DPI, new_figure, type_set
+from calfsocket.plotting.files import save_png
+from calfsocket.plotting.style import new_figure, type_set
 
 PANEL_MM = 70.0
 CURVE_PICTURE = "loading.png"
@@ -88,7 +88,4 @@ def _draw_stages(axes: Axes, curve: pd.DataFrame, x: str | None, y: str) -> None
 
 def save(figure: Figure, folder: Path) -> Path:
     """Write the curves into a case's folder; return their path."""
-    path = Path(folder) / CURVE_PICTURE
-    with replacing(path) as temporary:
-        figure.savefig(temporary, facecolor="white", dpi=PNG_DPI)
-    return path
+    return save_png(figure, Path(folder) / CURVE_PICTURE)

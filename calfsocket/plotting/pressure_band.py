@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
@@ -51,10 +51,8 @@ class PressureBand:
     def draw(self, axes: Axes, levels: Sequence[float], fontsize: float) -> None:
         """Draw the band, and dashed lines of equal pressure around it, with their values in kPa."""
         low, high = self.at(0.0), self.at(self.pressure_kPa)
-        quads = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)
-        axes.add_collection(
-            PolyCollection(list(quads), facecolor=FILL, edgecolor=FILL, linewidth=0.2, zorder=1)
-        )
+        band = Path.make_compound_path(Path(high, closed=True), Path(low[::-1], closed=True))
+        axes.add_artist(PathPatch(band, facecolor=FILL, edgecolor=FILL, linewidth=0.2, zorder=1))
         axes.plot(*high.T, color=EDGE, linewidth=0.9, zorder=2)
         axes.plot(*low.T, color=EDGE, linewidth=0.5, zorder=2)
         clear = self._clear_place()

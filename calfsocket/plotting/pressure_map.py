@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from calfsocket.io.files import replacing
+from calfsocket.plotting.files import save_png
 from calfsocket.plotting.style import (
-    PNG_DPI,
     WIDTH_MM,
     add_axes,
     height_mm,
@@ -79,10 +78,8 @@ def draw(found: PressureMap) -> Figure:
 
 def save(found: PressureMap, folder: Path) -> Path:
     """Write the picture of a map as NAME.png; return its path."""
-    path = folder / f"{found.name}.png"
-    with replacing(path) as temporary, type_set():
-        draw(found).savefig(temporary, dpi=PNG_DPI, facecolor="white")
-    return path
+    with type_set():
+        return save_png(draw(found), folder / f"{found.name}.png")
 
 
 def _panel(

@@ -1,17 +1,18 @@
-"""What every drawing of the section shares: outlines, fields as images, directions, colours."""
+"""What every drawing of the section shares: outlines, fields, directions, colours."""
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
-import pyvista
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from calfsocket.meshes.frame import Frame
-from calfsocket.postprocess.fields import SectionFields
+from calfsocket.plotting.raster import FieldImage, Raster, Window
+from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import REPORTED, SUMMARY_TISSUES
 
 # Distinct by hue, and by lightness for colour-blind eyes.
@@ -32,8 +33,32 @@ SOCKET = "#555555"
 OUTLINE = "#1a1a1a"
 QUIET = "#333333"
 
-Window = tuple[float, float, float, float]
-"""Left, right, bottom and top of a piece of the section, mm."""
+
+def _edges(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return start, end and middle of the three edges of every cell, one after the other."""
+    corners = cells[:, :3]
+    ends = np.roll(corners, -1, axis=1)
+    return np.stack([corners, ends, cells[:, 3:]], axis=2).reshape(-1, 3)
+
+
+def _control(points: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the control points of the Bezier curves that edges are, (n, 2)."""
+    start, end, middle = edges.T
+    return 2 * points[middle] - 0.5 * (points[start] + points[end])
+
+
+def outlines(
+    cells: NDArray[np.int64], region: NDArray[np.int64], points: NDArray[np.float64]
+) -> Path:
+    """Return the edges at which the region of some cells ends, each once: curves of one path."""
+    edges = _edges(cells)
+    _, first = np.unique(edges[:, 2], return_index=True)
+    _, last = np.unique(edges[::-1, 2], return_index=True)
+    last = len(edges) - 1 - last  # of the edge's second cell, where it has one
+    shown = edges[first[(first == last) | (region[first // 3] != region[last // 3])]]
+    vertices = np.stack([points[shown[:, 0]], _control(points, shown), points[shown[:, 1]]], axis=1)
+    codes = np.tile(np.array([Path.MOVETO, Path.CURVE3, Path.CURVE3], np.uint8), len(shown))
+    return Path(vertices.reshape(-1, 2), codes)
 
 
 def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
@@ -44,24 +69,28 @@ def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
 
     The cells are six-node triangles, all turning the same way, (n_cells, 6).
     """
-    corners = cells[:, :3]
-    edges = np.stack([corners, np.roll(corners, -1, axis=1), cells[:, 3:]], axis=2).reshape(-1, 3)
+    edges = _edges(cells)
     _, index, count = np.unique(edges[:, 2], return_index=True, return_counts=True)
-    onward = {start: (end, middle) for start, end, middle in edges[np.sort(index[count == 1])]}
-    vertices: list[NDArray[np.float64]] = []
-    codes: list[np.uint8] = []
+    edges = edges[np.sort(index[count == 1])]
+    ends = [int(end) for end in edges[:, 1]]
+    onward = {int(start): place for place, start in enumerate(edges[:, 0])}
+    rings = []
     while onward:
-        node = next(iter(onward))
-        vertices.append(points[node])
-        codes.append(Path.MOVETO)
+        node, ring = next(iter(onward)), []
         while node in onward:
-            end, middle = onward.pop(node)
-            vertices += [2 * points[middle] - 0.5 * (points[node] + points[end]), points[end]]
-            codes += [Path.CURVE3, Path.CURVE3]
-            node = end
-        vertices.append(vertices[-1])
-        codes.append(Path.CLOSEPOLY)
-    return Path(np.array(vertices), codes)
+            ring.append(onward.pop(node))
+            node = ends[ring[-1]]
+        rings.append(_closed(edges[ring], points))
+    return Path.make_compound_path(*rings)
+
+
+def _closed(edges: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
+    """Return the closed curve of edges that follow each other."""
+    curves = np.stack([_control(points, edges), points[edges[:, 1]]], axis=1).reshape(-1, 2)
+    vertices = np.vstack([points[edges[:1, 0]], curves, curves[-1:]])
+    codes = np.full(len(vertices), Path.CURVE3, np.uint8)
+    codes[0], codes[-1] = Path.MOVETO, Path.CLOSEPOLY
+    return Path(vertices, codes)
 
 
 def limb_boundary(fields: SectionFields, points: NDArray[np.float64]) -> Path:
@@ -98,61 +127,36 @@ def draw_outlines(
     axes: Axes,
     fields: SectionFields,
     points: NDArray[np.float64],
-    regions: Iterable[int] | None = None,
+    tissues: Collection[str] = TISSUES,
     **style: Any,
 ) -> None:
-    """Draw the outlines of some regions, by default of all, the socket's too."""
-    for region in np.unique(fields.region) if regions is None else regions:
-        path = boundary(fields.cells[fields.region == region], points)
-        draw_path(axes, path, **{"fill": False, "edgecolor": OUTLINE, **style})
+    """Draw the outlines of the regions of some tissues, by default of all, the socket's too."""
+    cells = fields.cells_of(*tissues)
+    path = outlines(fields.cells[cells], fields.region[cells], points)
+    draw_path(axes, path, fill=False, edgecolor=OUTLINE, capstyle="round", **style)
 
 
-def field_image(
-    fields: SectionFields,
-    values: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    window: Window,
-    pixels: int,
-) -> np.ma.MaskedArray:
-    """Sample a field of the deformed section at the pixels of an image.
-
-    `values`, at the six nodes of every cell, (n_cells, 6), may jump from cell to cell. The image,
-    `pixels` across the window's width, has the lowest row first; it is masked where none of `cells`
-    is.
-    """
-    left, right, bottom, top = window
-    step = (right - left) / pixels
-    rows = round((top - bottom) / step)
-    corners = fields.deformed[fields.cells[cells]].reshape(-1, 2)
-    grid = pyvista.UnstructuredGrid(
-        {pyvista.CellType.QUADRATIC_TRIANGLE: np.arange(len(corners)).reshape(-1, 6)},
-        np.pad(corners, ((0, 0), (0, 1))),
-    )
-    grid.point_data["value"] = values[cells].ravel()
-    raster = pyvista.ImageData(
-        dimensions=(pixels, rows, 1),
-        spacing=(step, step, step),
-        origin=(left + 0.5 * step, bottom + 0.5 * step, 0.0),
-    ).sample(grid)
-    shape = (rows, pixels)
-    outside = np.asarray(raster["vtkValidPointMask"]).reshape(shape) == 0
-    return np.ma.masked_array(np.asarray(raster["value"]).reshape(shape), outside)
+def section_raster(fields: SectionFields, window: Window, pixels: int) -> Raster:
+    """Return the pixels of an image of the deformed soft tissues and liner."""
+    return Raster.of(fields.deformed[fields.cells[fields.cells_of(*REPORTED)]], window, pixels)
 
 
 def draw_field(
     axes: Axes,
     fields: SectionFields,
     values: NDArray[np.float64],
-    window: Window,
-    pixels: int,
+    raster: Raster,
+    scale: ScalarMappable,
     linewidth: float,
     zorder: float = 0,
-    **image: Any,
 ) -> None:
-    """Draw a field of the deformed soft tissues and liner (`field_image`), with what is hard."""
-    points, soft = fields.deformed, fields.cells_of(*REPORTED)
-    shown = field_image(fields, values, soft, window, pixels)
-    axes.imshow(shown, extent=window, origin="lower", zorder=zorder, **image)
+    """Draw a field of the deformed soft tissues and liner, with what is hard.
+
+    `values` are those at the six nodes of every cell, (n_cells, 6): they may jump from cell to
+    cell. `raster` is that of `section_raster` for the window of the axes.
+    """
+    points, shown = fields.deformed, raster.image(values[fields.cells_of(*REPORTED)])
+    axes.add_artist(FieldImage(shown, scale, zorder))
     draw_tissue(axes, fields, points, "bone", facecolor=BONE, zorder=zorder)
     draw_tissue(axes, fields, points, "socket", facecolor=SOCKET, zorder=zorder)
     draw_outlines(axes, fields, points, linewidth=linewidth, zorder=zorder + 1)

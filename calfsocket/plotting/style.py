@@ -1,9 +1,8 @@
-"""The look of the figures: width, type, colours, legends; panels side by side; files."""
+"""The look of the figures: width, type, colours, legends; panels side by side."""
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -12,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from calfsocket.io.files import replacing
 from calfsocket.meshes.frame import Frame
 from calfsocket.plotting import section as drawing
 
@@ -50,7 +48,7 @@ def type_set() -> AbstractContextManager[None]:
 
 def new_figure(height: float) -> Figure:
     """Make a figure of the full width and a height in mm."""
-    return Figure(figsize=(WIDTH_MM / INCH_MM, height / INCH_MM))
+    return Figure(figsize=(WIDTH_MM / INCH_MM, height / INCH_MM), dpi=PNG_DPI)
 
 
 def heading(title: str, width: float) -> str:
@@ -171,14 +169,3 @@ def panels(
         )  # fmt: skip
     compass(figure, limb)
     return figure
-
-
-def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
-    """Write a figure as PNG and as PDF, the same bytes for the same figure; return both paths."""
-    png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
-    with replacing(png) as temporary:
-        figure.savefig(temporary, dpi=PNG_DPI, facecolor="white")
-    with replacing(pdf) as temporary:
-        # no date: it alone would differ from one writing to the next
-        figure.savefig(temporary, dpi=PNG_DPI, metadata={"CreationDate": None})
-    return png, pdf

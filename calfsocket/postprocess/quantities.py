@@ -280,7 +280,18 @@ class Quantities:
         It is the one of `levels` with the largest magnitude (the largest pressure). A tissue
         without two neighbouring cells holds no level: NaN.
         """
-        inside = self._pairs_of(tissue)
+        return self._maxima[tissue, quantity]
+
+    @cached_property
+    def _maxima(self) -> dict[tuple[str, str], Maximum]:
+        return {
+            (tissue, quantity): self._maximum(inside, quantity)
+            for tissue, inside in self._pairs_of.items()
+            for quantity in self.levels
+        }
+
+    def _maximum(self, inside: NDArray[np.int64], quantity: str) -> Maximum:
+        """Return the level of a quantity among some pairs."""
         if not len(inside):
             return NOWHERE
         sized = np.abs if quantity in SIGNED else np.asarray
@@ -298,15 +309,18 @@ class Quantities:
         At the site of its own maximum a case holds that maximum. The limb's mesh is the same in
         both material sets, so that there the pair is the same, too.
         """
-        inside = self._pairs_of(tissue)
+        inside = self._pairs_of[tissue]
         if not len(inside):
             return np.nan
         middle = self.fields.points[self.pairs.edge_node[inside]]
         nearest = np.argmin(np.linalg.norm(middle - (x_mm, y_mm), axis=1))
         return float(self.levels[quantity][inside[nearest]])
 
-    def _pairs_of(self, tissue: str) -> NDArray[np.int64]:
-        return np.flatnonzero(self.fields.tissue[self.pairs.cells[:, 0]] == TISSUES.index(tissue))
+    @cached_property
+    def _pairs_of(self) -> dict[str, NDArray[np.int64]]:
+        """Pairs of each tissue."""
+        tissue = self.fields.tissue[self.pairs.cells[:, 0]]
+        return {name: np.flatnonzero(tissue == number) for number, name in enumerate(TISSUES)}
 
 
 def contact_quantities(

@@ -11,21 +11,28 @@ from shapely import Polygon, area, difference
 from calfsocket.materials.law import Law
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.tissues import TISSUES
+from calfsocket.materials.warnings import warnings
 from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
 from calfsocket.plotting import section
+from calfsocket.plotting.raster import Raster, Window
+from calfsocket.plotting.style import window_around
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
-from calfsocket.report import inputs
+from calfsocket.report import inputs, names
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import DamageThresholds, damage
 from calfsocket.report.names import SETS
 from calfsocket.report.variants import BASE, variants
-from calfsocket.simulation.results import Results
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Key, Results
 
 STIFF = 10.0
 """A tissue is a stiff sheet in another whose initial shear modulus is smaller by this factor."""
+
+PIXELS = 1000
+"""Of a field's image across a panel: half as many again as 300 dpi show, which are averaged."""
 
 AREA_DIGITS = 2
 """Decimals of a share of area in %: two areas that agree in them are called equal."""
@@ -37,6 +44,7 @@ class Findings:
 
     study: Results
     thresholds: DamageThresholds = field(default_factory=DamageThresholds)
+    _rasters: dict[Key, Raster] = field(default_factory=dict, init=False)
 
     @cached_property
     def results(self) -> Results:
@@ -52,6 +60,20 @@ class Findings:
     def damage(self) -> pd.DataFrame:
         """Strains against the damage thresholds."""
         return damage(self.results, self.thresholds)
+
+    # --- what it draws
+
+    @cached_property
+    def window(self) -> Window:
+        """What drawings of the deformed section show: the same piece in every case."""
+        return window_around(*(each.fields.deformed for each in self.results.values()), margin_mm=2)
+
+    def raster(self, result: Result) -> Raster:
+        """Return the pixels of a case's section in the window, for all of its fields."""
+        key = result.record.key
+        if key not in self._rasters:
+            self._rasters[key] = section.section_raster(result.fields, self.window, PIXELS)
+        return self._rasters[key]
 
     # --- the limb
 
@@ -170,6 +192,16 @@ class Findings:
             for name in self.results.material_sets
             if name in known
         }
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """What makes one doubt a law: material set, tissue or region, and why."""
+        return [
+            f"{names.material_set(name)} set, {names.region(key)}: {text}"
+            for name, laws in self.laws.items()
+            for key, law in laws.items()
+            for text in warnings(law)
+        ]
 
     @cached_property
     def shared_laws(self) -> dict[str, list[list[str]]]:

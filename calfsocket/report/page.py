@@ -1,7 +1,6 @@
 """The report as one page that needs nothing else: no network, no script."""
 
 import base64
-import io
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -9,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 from PIL import Image
 
 import calfsocket
 from calfsocket.io.files import replacing
-from calfsocket.plotting.style import save, type_set
+from calfsocket.plotting.files import Drawing, PageImage
 from calfsocket.report.table import Table
 from calfsocket.report.templates import read, render, tidy
 
@@ -22,7 +20,6 @@ FIGURES, TABLES = "figures", "tables"
 """Folders beside the page."""
 
 PAGE_FILE = "report.html"
-WIDTH_PX = 1600  # of a figure: sharp on a phone at three pixels a point, on paper at 220 dpi
 
 FILES = {
     "run.json": "all inputs and checks (run.json)",
@@ -42,8 +39,8 @@ class Page:
     """
 
     folder: Path
-    figures: Mapping[str, Callable[[], Figure] | tuple[Path, Path]]
-    """Draw a figure, or name its files, PNG and PDF."""
+    figures: Mapping[str, Drawing | tuple[Path, Path]]
+    """Drawn now, or the files of one, PNG and PDF."""
     tables: Mapping[str, Table]
     numbers: Mapping[str, str] = field(default_factory=dict)
     """Of figures; those without one are counted in the order of the page."""
@@ -85,26 +82,29 @@ class Page:
         return line if text else Markup()
 
     def figure(self, name: str, title: str, caller: Callable[[], Markup]) -> Markup:
-        """Return a figure, whose files are drawn now."""
+        """Return a figure, whose files are written now."""
         if name not in self.figures:
             return Markup()
         self._figures_shown += 1
         number = self.numbers.get(name, str(self._figures_shown))
         found = self.figures[name]
-        if callable(found):
-            with type_set():
-                found = save(found(), self.folder / FIGURES, f"figure{number}_{name}")
-        png, pdf = (Path(os.path.relpath(path, self.folder)).as_posix() for path in found)
-        uri, width, height = data_uri(found[0])
+        if isinstance(found, Drawing):
+            image = found.small
+            paths = found.write(self.folder / FIGURES, f"figure{number}_{name}")
+        else:
+            paths = found
+            with Image.open(paths[0]) as full:
+                image = PageImage.of(full.convert("RGB"))
+        png, pdf = (Path(os.path.relpath(path, self.folder)).as_posix() for path in paths)
         return render(
             "figure.html",
             name=f"figure{number}_{name}",
             title=title,
             caption=tidy(caller().striptags()),
             number=number,
-            uri=Markup(uri),
-            width=width,
-            height=height,
+            uri=Markup("data:image/webp;base64,{}").format(base64.b64encode(image.data).decode()),
+            width=image.width,
+            height=image.height,
             png=png,
             pdf=pdf,
         )
@@ -118,16 +118,3 @@ class Page:
         return table.html() + Markup(
             '<p class="files"><a href="{0}.csv">CSV</a> <a href="{0}.md">Markdown</a></p>\n'
         ).format(f"{TABLES}/{name}")
-
-
-def data_uri(png: Path) -> tuple[str, int, int]:
-    """Return an image, scaled down, as WebP without loss in a data URI; and its size in pixels."""
-    with Image.open(png) as full:
-        image = full.convert("RGB")
-    width = min(WIDTH_PX, image.width)
-    height = round(image.height * width / image.width)
-    small = image.resize((width, height), Image.Resampling.LANCZOS)
-    buffer = io.BytesIO()
-    small.save(buffer, format="WEBP", lossless=True)
-    text = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return f"data:image/webp;base64,{text}", width, height

@@ -1,13 +1,18 @@
 """The report of a study: tables, figures and page, from its results alone."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
+from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
+from calfsocket.parallel.first_rank import on_first_rank
+from calfsocket.parallel.tasks import side_by_side
+from calfsocket.plotting.files import Drawing
+from calfsocket.plotting.style import type_set
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
 from calfsocket.postprocess.pressure_map import PLANE_STRAIN
 from calfsocket.report import along, inputs, method
@@ -23,34 +28,55 @@ from calfsocket.report.templates import PACKAGE
 from calfsocket.report.variants import ROBUST
 from calfsocket.simulation.results import MAPS, Results
 
+Draw = Callable[[], Figure]
 
-@dataclass(frozen=True)
+
 class Guest:
-    """What a guest adds to a report: a template that extends the report's, and what it shows."""
+    """What a guest adds to a report: a template that extends the report's, and what it shows.
 
-    package: str
-    template: str
-    tables: Mapping[str, Table] = field(default_factory=dict)
-    figures: Mapping[str, Callable[[], Figure] | tuple[Path, Path]] = field(default_factory=dict)
-    numbers: Mapping[str, str] = field(default_factory=dict)
+    This one adds nothing. What is drawn is asked for on every rank, all else on the first alone.
+    """
+
+    package, template = PACKAGE, "report.html"
+    numbers: Mapping[str, str] = {}
     """Of figures, the report's and its own, by their names."""
-    warnings: tuple[str, ...] = ()
-    values: Mapping[str, Any] = field(default_factory=dict)
-    """Of the template."""
 
+    @property
+    def figures(self) -> Mapping[str, Draw]:
+        """Figures to draw."""
+        return {}
 
-ALONE = Guest(PACKAGE, "report.html")
-"""A report without a guest."""
+    @property
+    def made(self) -> Mapping[str, tuple[Path, Path]]:
+        """Figures that are files already, PNG and PDF."""
+        return {}
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """Tables by their names."""
+        return {}
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What a reader must know first."""
+        return ()
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """Of the template."""
+        return {}
 
 
 def write_report(
     results: Results,
     invite: Callable[[Findings], Guest | None] = lambda _: None,
     thresholds: DamageThresholds | None = None,
+    comm: MPI.Intracomm = MPI.COMM_SELF,
 ) -> Path:
     """Write tables/, figures/ and report.html into a study's folder; return the page's path.
 
-    The study may be incomplete. `invite` returns what a guest adds to its report, or None.
+    The study may be incomplete. `invite` returns what a guest adds to its report, or None. All
+    ranks of `comm` draw (collective).
 
     Raises
     ------
@@ -65,14 +91,33 @@ def write_report(
             f"{results.folder}: no case reached its full load ({why}); solve the study first"
         )
     findings = Findings(results, thresholds or DamageThresholds())
-    guest = invite(findings) or ALONE
+    guest = invite(findings) or Guest()
+    drawn = _draw({**figures(findings), **guest.figures}, comm)
+    return on_first_rank(comm, lambda: _write(findings, guest, drawn))
+
+
+def _draw(figures: Mapping[str, Draw], comm: MPI.Intracomm) -> dict[str, Drawing]:
+    """Draw figures on all ranks; return them by their names on the first."""
+
+    def drawn(names: Sequence[str]) -> dict[str, Drawing]:
+        with type_set():
+            return {name: Drawing.of(figures[name]()) for name in names}
+
+    alone = [[name] for name in figures if name not in maps.MAPS]
+    groups = [[name for name in maps.MAPS if name in figures], *alone]
+    parts = side_by_side(comm, [partial(drawn, names) for names in groups])
+    return {name: drawing for part in parts for name, drawing in part.items()}
+
+
+def _write(findings: Findings, guest: Guest, drawn: Mapping[str, Drawing]) -> Path:
+    """Write the page with its tables and figures."""
     page = Page(
-        results.folder,
-        {**figures(findings), **guest.figures},
+        findings.study.folder,
+        {**drawn, **guest.made},
         {**tables(findings), **guest.tables},
         guest.numbers,
     )
-    warnings = [*method.warnings(results), *guest.warnings]
+    warnings = [*method.warnings(findings.study), *guest.warnings]
     values = {**values_of(findings), **guest.values, "warnings": warnings}
     return page.write(guest.template, guest.package, **values)
 

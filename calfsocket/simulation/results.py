@@ -64,6 +64,9 @@ class Results(Mapping[Key, Result]):
             raise KeyError(f"{self.folder} contains no solved case {name}: {why}")
         return self._read(self.records[key])
 
+    def __contains__(self, key: object) -> bool:  # without reading its files
+        return key in self.records
+
     def __iter__(self) -> Iterator[Key]:
         return iter(self.records)
 

@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -180,6 +180,7 @@ class Study:
         pictures: bool = True,
         profile: bool = False,
         console: Console | None = None,
+        then: Callable[[Results], object] = lambda _: None,
     ) -> Results:
         """Solve the chosen cases side by side and write their results (collective).
 
@@ -203,6 +204,8 @@ class Study:
             Whether to draw each case, and to write where the time goes.
         console : rich.console.Console, optional
             Where progress is shown; standard error by default.
+        then : callable
+            What is made of the results, on all ranks, before another run may begin in the folder.
 
         Returns
         -------
@@ -227,9 +230,10 @@ class Study:
             log.info("results go to %s", folder)
             runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
             runner.run(resume)
-            on_first_rank(comm, lambda: load_results(folder).write_maps(pictures))
-            # Before another run may begin to replace them.
-            return load_results(folder)
+            results = load_results(folder)
+            on_first_rank(comm, lambda: results.write_maps(pictures))
+            then(results)
+            return results
 
 
 def variants() -> dict[str, dict[str, Any]]:

@@ -13,13 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from calfsocket.plotting import section as drawing
-from calfsocket.plotting.style import add_axes, legend_at, window_around
+from calfsocket.plotting.style import add_axes, legend_at
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.report.figures.cases import case_panels
 from calfsocket.report.findings import Findings
 from calfsocket.simulation.result import Result
 
-PIXELS = 1000  # of a panel: half as many again as 300 dpi show, for the PDF
 MARKERS = {"skin": "o", "fat": "^", "muscle": "s", "fascia": "D", "vessel": "v"}
 MARKER: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.6}
 
@@ -60,24 +59,21 @@ SHEAR_STRAIN = Map(
     beyond="#ffd400",
 )
 
+MAPS = {"effective_stress": EFFECTIVE_STRESS, "shear_strain": SHEAR_STRAIN}
+"""By their figures, which are drawn together: where a case's pixels are is found once."""
+
 
 def draw_map(findings: Findings, what: Map) -> Figure:
     """Draw the field of every case on one scale, with the site of each tissue's maximum."""
-    sections = [result.fields.deformed for result in findings.results.values()]
-    window = window_around(*sections, margin_mm=2.0)
 
     def draw(axes: Axes, result: Result) -> None:
         drawing.draw_field(
             axes,
             result.fields,
             result.quantities.nodal[what.quantity],
-            window,
-            PIXELS,
+            findings.raster(result),
+            what.scale,
             linewidth=0.25,
-            cmap=what.scale.cmap,
-            norm=what.scale.norm,
-            interpolation="antialiased",
-            interpolation_stage="rgba",
         )
         for tissue in findings.soft_tissues:
             level = result.quantities.maximum(tissue, what.quantity)
@@ -85,7 +81,7 @@ def draw_map(findings: Findings, what: Map) -> Figure:
                 site = deformed_site(result.fields, level.x_mm, level.y_mm)
                 axes.plot(*site, MARKERS[tissue], **MARKER, markersize=3.2, zorder=5)
 
-    figure = case_panels(findings, window, draw)
+    figure = case_panels(findings, findings.window, draw)
     _draw_key(figure, what, findings)
     return figure
 

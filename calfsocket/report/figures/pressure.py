@@ -56,10 +56,11 @@ def contact_pressure(findings: Findings) -> Figure:
             axes.plot(*band.at(band.pressure_kPa)[peak], **PEAK, zorder=6)
         mean = result.contact_levels["contact_pressure_mean"].value
         share = result.contact_levels["contact_share"].value
-        extent = limb.get_extents()
-        x, y = extent.get_points().mean(axis=0)
+        outline = np.asarray(limb.vertices)
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        x, y = 0.5 * (low + high)
         axes.text(
-            x, y - 0.3 * extent.height,
+            x, y - 0.3 * (high - low)[1],
             f"largest {smooth[peak]:.1f} kPa\nmean {mean:.1f} kPa\n{share:.3g} % in contact",
             ha="center", va="center", fontsize=6.5, zorder=5, linespacing=1.4,
         )  # fmt: skip

@@ -1,0 +1,35 @@
+"""Tasks side by side, each on the rank that is free next."""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from mpi4py import MPI
+
+from calfsocket.parallel.first_rank import agree
+from calfsocket.parallel.scheduler import Scheduler
+
+Value = TypeVar("Value")
+
+
+def side_by_side(comm: MPI.Intracomm, tasks: Sequence[Callable[[], Value]]) -> list[Value]:
+    """Run tasks; return their values in order on rank 0, nothing on others (collective).
+
+    Raises
+    ------
+    Exception
+        On a rank whose task raises one.
+    CalfsocketError
+        On the other ranks, if one does.
+    """
+    scheduler = Scheduler(comm, len(tasks), 1, lambda _: None)
+    done: dict[int, Value] = {}
+    failure: Exception | None = None
+    while (number := scheduler.next_case()) is not None:
+        try:
+            done[number] = tasks[number]()
+        except Exception as error:
+            failure = error
+    scheduler.finish()
+    agree(comm, failure)
+    every = {number: value for part in comm.gather(done) or [] for number, value in part.items()}
+    return [every[number] for number in sorted(every)]

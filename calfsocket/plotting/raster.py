@@ -1,0 +1,164 @@
+"""Fields as images: where in the section each pixel is, found once for all fields."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backend_bases import RendererBase
+from matplotlib.cm import ScalarMappable
+from numpy.typing import NDArray
+from PIL import Image
+
+Window = tuple[float, float, float, float]
+"""Left, right, bottom and top of a piece of the section, mm."""
+
+_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+"""The four straight triangles of a six-node triangle."""
+
+_PLACES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+"""Local coordinates r and s of the six nodes."""
+
+_NARROW = 1e-12
+"""Of the largest edge, pixels: an edge that rises less is level, and limits no row."""
+
+
+def _monomials(r: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([np.ones_like(r), r, s, r * r, r * s, s * s], axis=-1)
+
+
+_COEFFICIENTS = np.linalg.inv(_monomials(*_PLACES.T))
+"""Of the monomials, from the values at the six nodes."""
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Pixels of an image that lie in cells, in runs: each in one row and one straight triangle.
+
+    Along a run the local coordinates change evenly, so that a quadratic field is a quadratic
+    function of the column.
+    """
+
+    shape: tuple[int, int]
+    """Rows, the lowest first, and columns."""
+    first: NDArray[np.int64]
+    """Of each run: its first pixel, as an index into the image's ravel(), (n,)."""
+    count: NDArray[np.int64]
+    """Its number of pixels, (n,)."""
+    cell: NDArray[np.int64]
+    """Its cell, (n,)."""
+    start: NDArray[np.float64]
+    """Local coordinates r, s of its first pixel, (2, n)."""
+    step: NDArray[np.float64]
+    """By how much they change from pixel to pixel, (2, n)."""
+
+    @classmethod
+    def of(cls, cells: NDArray[np.float64], window: Window, pixels: int) -> "Raster":
+        """Find the pixels, `pixels` across the window's width, of six-node cells (n_cells, 6, 2).
+
+        A cell counts as its four straight triangles: its edges are straight from node to node.
+        """
+        left, right, bottom, top = window
+        size = (right - left) / pixels
+        shape = (round((top - bottom) / size), pixels)
+        place = (cells - (left, bottom)) / size - 0.5  # pixel centres are whole numbers
+        x, y = np.moveaxis(place[:, _CORNERS].reshape(-1, 3, 2), -1, 0)
+        low = np.clip(np.ceil(y.min(axis=1)), 0, shape[0]).astype(int)
+        high = np.clip(np.floor(y.max(axis=1)), -1, shape[0] - 1).astype(int)
+        triangle, row = _ranges(low, high - low + 1)
+        begin, end = _crossings(x[triangle], y[triangle], row)
+        first = np.clip(np.ceil(begin), 0, pixels).astype(int)
+        count = np.clip(np.floor(end), -1, pixels - 1).astype(int) - first + 1
+        hit = count > 0
+        triangle, row, first, count = (each[hit] for each in (triangle, row, first, count))
+        start, step = _local(x[triangle], y[triangle], first, row, _PLACES[_CORNERS][triangle % 4])
+        return cls(shape, row * pixels + first, count, triangle // 4, start, step)
+
+    def image(self, values: NDArray[np.float64]) -> np.ma.MaskedArray:
+        """Return a field, at the six nodes of every cell (n_cells, 6), masked outside the cells."""
+        one, r, s, rr, rs, ss = (values @ _COEFFICIENTS.T)[self.cell].T
+        (r0, s0), (dr, ds) = self.start, self.step
+        constant = one + r0 * (r + r0 * rr + s0 * rs) + s0 * (s + s0 * ss)
+        linear = dr * (r + 2 * r0 * rr + s0 * rs) + ds * (s + r0 * rs + 2 * s0 * ss)
+        square = dr * (dr * rr + ds * rs) + ds * ds * ss
+        run, column = _ranges(np.zeros_like(self.count), self.count)
+        shown = np.full(self.shape, np.nan)
+        shown.ravel()[self.first[run] + column] = constant[run] + column * (
+            linear[run] + column * square[run]
+        )
+        return np.ma.masked_invalid(shown, copy=False)
+
+
+def _ranges(
+    start: NDArray[np.int64], count: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return for ranges of whole numbers, one after the other, the range of each and the number."""
+    count = np.maximum(count, 0)
+    of = np.repeat(np.arange(len(count)), count)
+    return of, np.arange(len(of)) + (start - np.cumsum(count) + count)[of]
+
+
+def _crossings(
+    x: NDArray[np.float64], y: NDArray[np.float64], row: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where a row enters and leaves triangles, columns; corners are (n, 3)."""
+    begin: NDArray[np.float64] = np.full(len(row), np.inf)
+    end: NDArray[np.float64] = np.full(len(row), -np.inf)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        rise = y[:, b] - y[:, a]
+        share = (row - y[:, a]) / np.where(np.abs(rise) < _NARROW, np.nan, rise)
+        met = (share >= 0) & (share <= 1)
+        at = x[:, a] + share * (x[:, b] - x[:, a])
+        begin = np.where(met, np.minimum(begin, at), begin)
+        end = np.where(met, np.maximum(end, at), end)
+    return begin, end
+
+
+def _local(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    column: NDArray[np.int64],
+    row: NDArray[np.int64],
+    corners: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return local coordinates at pixels of triangles, and their change along a row, (2, n) each.
+
+    `corners` are the local coordinates of the triangles' corners, (n, 3, 2).
+    """
+    (x1, x2), (y1, y2) = (each[:, 1:].T - each[:, 0] for each in (x, y))
+    across, up = column - x[:, 0], row - y[:, 0]
+    area = x1 * y2 - x2 * y1
+    origin, first, second = np.moveaxis(corners, 1, 0)
+    first, second = (first - origin).T, (second - origin).T
+    start = origin.T + ((across * y2 - x2 * up) * first + (x1 * up - across * y1) * second) / area
+    return start, (y2 * first - y1 * second) / area
+
+
+class FieldImage(Artist):
+    """A field in colours, over all of its axes.
+
+    Its pixels are those of the figure at its resolution, in every kind of file: what has as many
+    is shown as it is, and more are averaged, once.
+    """
+
+    def __init__(self, values: np.ma.MaskedArray, scale: ScalarMappable, zorder: float) -> None:
+        super().__init__()
+        self.values, self.scale = values, scale
+        self.set_zorder(zorder)
+
+    @cached_property
+    def picture(self) -> Image.Image:
+        """The colours, the lowest row first; transparent where there is no value."""
+        inside = ~np.ma.getmaskarray(self.values)
+        rgba = np.zeros((*inside.shape, 4), np.uint8)
+        rgba[inside] = self.scale.cmap(self.scale.norm(self.values.data[inside]), bytes=True)
+        return Image.fromarray(rgba)
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw it."""
+        assert self.axes is not None
+        box, scale = self.axes.bbox, renderer.get_image_magnification()
+        size = round(box.width * scale), round(box.height * scale)
+        if self.picture.size != size:
+            self.picture = self.picture.resize(size, Image.Resampling.HAMMING)
+        renderer.draw_image(renderer.new_gc(), box.x0, box.y0, np.array(self.picture))
