@@ -21,7 +21,8 @@ def side_by_side(comm: MPI.Intracomm, tasks: Sequence[Callable[[], Value]]) -> l
     CalfsocketError
         On the other ranks, if one does.
     """
-    scheduler = Scheduler(comm, len(tasks), 1, lambda _: None)
+    one_family = [0] * len(tasks)
+    scheduler = Scheduler(comm, one_family, 1, lambda _: None)
     done: dict[int, Value] = {}
     failure: Exception | None = None
     while (number := scheduler.next_case()) is not None:
