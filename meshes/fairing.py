@@ -35,6 +35,8 @@ _PLACES = 20_000
 _WEIGHTS = np.logspace(-6, 8, 71)
 #: How much more a free coefficient counts than by [2]_, against fits that follow the noise [3]_.
 _CAUTION = 1.4
+#: Standard deviation of normal errors over the median of their sizes.
+_SIGMA = 1.4826
 #: Times the points are assigned to places on the curve: their own order and distance are noisy.
 _ROUNDS = 3
 
@@ -97,17 +99,8 @@ def fair_each(
     points: Array, tolerance: float, noise: float, radii: Sequence[float], step: float
 ) -> Iterator[tuple[Array, float, Array]]:
     """Yield what `fair` returns for one radius after the other; what they share is done once."""
-    ring = shapely.LinearRing(points)
     sides, arcs = _on_sides(points)
-    share = (
-        np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1).cumsum() / ring.length
-    )
-    number = int(np.clip(ring.length / step, 16, MOST_KNOTS))
-    for _ in range(_ROUNDS):
-        fit = _Fit(points, share, min(number, len(points)))
-        best = fit.best(noise)
-        places = np.linspace(0, 1, _PLACES, endpoint=False)
-        share = places[cKDTree(fit.spline(best)(places)).query(points)[1]]
+    fit, best, number = _fitted(points, noise, step)
 
     @cache
     def at(weight: float) -> tuple[Array, ClosedCurve, Array]:
@@ -127,6 +120,30 @@ def fair_each(
             if distance[worst] > tolerance or _is_smooth(curve, radius):
                 break
         yield found, float(distance[worst]), sides[worst]
+
+
+def noise_of(points: Array, step: float) -> float:
+    """Return the standard deviation, mm, of an outline's points about the curve of `fair`.
+
+    Of normal distances, from their median, which a place where the curve misses the shape does not
+    change.
+    """
+    fit, best, _ = _fitted(points, 0.0, step)
+    places = fit.spline(best)(np.linspace(0, 1, _PLACES, endpoint=False))
+    return float(_SIGMA * np.median(cKDTree(places).query(points)[0]))
+
+
+def _fitted(points: Array, noise: float, step: float) -> tuple["_Fit", float, int]:
+    """Return the splines near points, the weight of the best one, and the number of its knots."""
+    length = shapely.LinearRing(points).length
+    share = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1).cumsum() / length
+    number = int(np.clip(length / step, 16, MOST_KNOTS))
+    for _ in range(_ROUNDS):
+        fit = _Fit(points, share, min(number, len(points)))
+        best = fit.best(noise)
+        places = np.linspace(0, 1, _PLACES, endpoint=False)
+        share = places[cKDTree(fit.spline(best)(places)).query(points)[1]]
+    return fit, best, number
 
 
 def _on_sides(points: Array) -> tuple[Array, Array]:

@@ -46,6 +46,8 @@ class Phantom:
         Rotation of the source's axes.
     noise : float
         Standard deviation of each vertex, mm.
+    seed : int
+        Of the noise.
     scale : float
         Units of the source in mm.
     """
@@ -55,6 +57,7 @@ class Phantom:
     mirrored: bool = False
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
     noise: float = 0.0
+    seed: int = 7
     scale: float = 1.0
 
     def section(self, part: str, share: float) -> shapely.Polygon:
@@ -88,7 +91,7 @@ class Phantom:
             )
             height = points[first, 2]
             points = np.concatenate([points, [[*ring.mean(axis=0), height]]])
-        rng = np.random.default_rng(7)
+        rng = np.random.default_rng(self.seed)
         points = points + rng.normal(scale=self.noise, size=points.shape) if self.noise else points
         return pyvista.PolyData.from_regular_faces(
             points @ self.turn.T / self.scale, np.concatenate(triangles)

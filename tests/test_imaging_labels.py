@@ -19,6 +19,7 @@ from vtkmodules.vtkIOImage import vtkNIFTIImageWriter
 
 import calfsocket as cs
 from calfsocket.imaging.labels import read_labels
+from calfsocket.imaging.section import around_all
 from calfsocket.imaging.volume import read_volume
 
 PARTS = ("skin", "muscle", "tibia", "fibula")
@@ -203,6 +204,25 @@ def test_curves_are_smooth(tmp_path: Path) -> None:
     )
     bends = np.abs(limb.skin.curvature(limb.skin.sample(0.5)))
     assert bends.max() < 2 / 14.7  # twice that of the reference calf
+
+
+@pytest.mark.parametrize("voxel", [0.5, 1.0])
+def test_steps_of_voxels_are_no_gaps_between_muscles(voxel: float) -> None:
+    """Filled, they would move the envelope outward, and make the fat too thin."""
+    number = int(60 / voxel)
+    places = voxel * (np.indices((number, number)).reshape(2, -1).T + 0.5)
+    x, y = places[np.hypot(*(places - [30.2, 29.9]).T) < 25].T
+    body = shapely.union_all(
+        shapely.box(x - voxel / 2, y - voxel / 2, x + voxel / 2, y + voxel / 2)
+    )
+    remarks: list[str] = []
+    assert around_all([body], remarks, voxel).area == pytest.approx(body.area, abs=1e-6)
+    assert around_all([body], [], 0.0).area > body.area + 0.05 * voxel * 2 * np.pi * 25
+    assert not remarks
+    gap = shapely.box(29.5, 30, 30.5, 60)
+    closed = around_all([body.difference(gap)], remarks, voxel)
+    assert closed.area == pytest.approx(body.area, abs=0.5)
+    assert remarks == ["muscle: gaps of 25 mm2 between muscles closed"]
 
 
 def test_stray_voxels_and_holes_are_cleaned_and_told(tmp_path: Path) -> None:

@@ -6,11 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from phantom import HEIGHT, Phantom, turned
+from phantom import HEIGHT, Phantom, outline, turned
 
 import calfsocket as cs
 from calfsocket.imaging.plane import Level, Plane, cut
 from calfsocket.imaging.ply import read_ply
+from calfsocket.imaging.section import distinct
+from calfsocket.io.errors import InputError
+from calfsocket.meshes.fairing import noise_of
 from calfsocket.meshes.limb import limb_curves
 
 PARTS = ("skin", "tibia", "fibula")
@@ -79,6 +82,32 @@ def test_one_file_with_scanner_noise(tmp_path: Path) -> None:
         assert distance < 0.4
     deviations = [r.deviation_mm for r in limb.regions if r.deviation_mm is not None]
     assert 0.05 < max(deviations) < 0.4
+
+
+def test_points_beside_one_vertex_are_one_measurement() -> None:
+    """Where a plane cuts all triangles at a vertex, their points have the same error."""
+    true = outline("skin")
+    along = np.roll(true, -1, axis=0) - np.roll(true, 1, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    vertices = true + np.random.default_rng(1).normal(scale=0.1, size=true.shape)
+    points = (vertices[:, None] + np.array([[-0.1], [0.0], [0.1]]) * along[:, None]).reshape(-1, 2)
+    assert len(distinct(points)) == len(vertices)
+    assert noise_of(distinct(points), 1.0) == pytest.approx(0.1, rel=0.2)
+    assert len(distinct(points[:60])) == 60  # 20 would be too few
+
+
+def test_a_surface_noisier_than_the_tolerance_is_not_followed(tmp_path: Path) -> None:
+    phantom = Phantom(noise=0.15, seed=1)
+    path = phantom.write_one(tmp_path / "limb.ply", *PARTS)
+    limb = cs.Limb.from_surface(path, tissues="lumped")
+    area, distance = differences(limb, phantom, 0.5)["skin"]
+    assert abs(area) < 0.002
+    assert distance < 0.25
+    assert limb.source is not None
+    said = [line for line in limb.source.found if line.startswith("skin: leaves the data by")]
+    assert "(noise of 0.1" in said[0]
+    with pytest.raises(InputError, match="more than the tolerance"):
+        cs.Limb.from_surface(path, tolerance=0.2, tissues="lumped")
 
 
 @pytest.mark.parametrize(

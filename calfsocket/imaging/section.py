@@ -1,7 +1,7 @@
 """A section of a source: its outlines as smooth curves in the anatomical frame."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, count
 
 import numpy as np
@@ -18,11 +18,13 @@ from calfsocket.imaging.surface import Shell
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, xy
-from calfsocket.meshes.fairing import FEWEST, fair_each
+from calfsocket.meshes.fairing import FEWEST, fair_each, noise_of
 from calfsocket.meshes.frame import Frame
 
-#: Largest distance, mm, of the curves from a surface, unless said otherwise.
-TOLERANCE = 0.2
+#: Largest distance, mm, of the curves from a surface, unless said otherwise or it is noisy:
+#: then so many times its noise, which one vertex in 16 000 exceeds, and no more than the last, mm.
+#: Within less a curve would have to follow the noise.
+TOLERANCE, _NOISES, _NOISIEST = 0.2, 4.0, 0.5
 #: Root mean square of the distances of a curve from the steps of voxels that it went through, in
 #: voxels: 0.16 to 0.25 for the outlines of the reference calf.
 _STEPS = 0.18
@@ -114,8 +116,8 @@ def section(
     plane
         A point of the plane, mm in the source's axes, and its normal, instead of a level.
     tolerance
-        Largest distance of the curves from the data, mm; default: `TOLERANCE`, of a label map half
-        a voxel.
+        Largest distance of the curves from the data, mm; default: `TOLERANCE`, more where the
+        surface is noisier than that; of a label map half a voxel.
 
     Raises
     ------
@@ -126,6 +128,7 @@ def section(
     voxel = source.resolution(np.stack([where.x, where.y]))
     # Labels are noisy in places by a voxel: what half a voxel does not allow is reported.
     most = voxel if tolerance is None else None
+    tolerance_by_noise = tolerance is None
     if tolerance is None:
         tolerance = voxel / 2 or TOLERANCE
     check_tolerance(tolerance)
@@ -160,7 +163,7 @@ def section(
             regions[part] = (tissue, shapely.Polygon(found[number].exterior))
     muscle = None
     if source.muscle is not None:
-        muscle = _envelope(source, _cut(source.muscle, where, at, "muscle"), at, remarks)
+        muscle = _envelope(_cut(source.muscle, where, at, "muscle"), voxel, at, remarks)
     whole = shapely.Polygon(skin.exterior)
     for name, body in bodies.items():
         if not whole.contains(body):
@@ -176,9 +179,16 @@ def section(
         points = counter_clockwise(body) - centre
         data[name] = points
         radii = SKIN_RADII if name in ("skin", "muscle") else RADII
-        found = smooth_outline(points, within, f"{at}, {name}", radii, _STEPS * voxel, most)
+        where = f"{at}, {name}"
+        if voxel:
+            found, why = smooth_outline(points, within, where, radii, _STEPS * voxel, most), ""
+        else:
+            noise = noise_of(distinct(points), _KNOTS) if tolerance_by_noise else 0.0
+            within = max(within, min(_NOISES * noise, _NOISIEST))
+            found = of_surface(points, within, where, radii, strict=not tolerance_by_noise)
+            why = f" (noise of {noise:.2f} mm)"
         if found.deviation_mm > tolerance:
-            remarks.append(f"{name}: leaves the data by {found.deviation_mm:.2f} mm")
+            remarks.append(f"{name}: leaves the data by {found.deviation_mm:.2f} mm{why}")
         return found
 
     def belly(name: str, body: shapely.Polygon) -> Outline:
@@ -315,24 +325,35 @@ def parts(
             yield next(names), int(index)
 
 
-def _envelope(source: Source, found: Cut, at: str, remarks: list[str]) -> shapely.Polygon | None:
+def _envelope(found: Cut, voxel: float, at: str, remarks: list[str]) -> shapely.Polygon | None:
     """Return what lies around all muscles.
 
     Of a label map it is around all deep labels; gaps between them are of the fascia.
     """
-    if source.voxel is None or not found.bodies:
+    if not voxel or not found.bodies:
         return _body(found, at, "muscle")
-    return around_all([shapely.Polygon(body.exterior) for body in found.bodies], remarks)
+    return around_all([shapely.Polygon(body.exterior) for body in found.bodies], remarks, voxel)
 
 
-def around_all(bodies: Sequence[BaseGeometry], remarks: list[str]) -> shapely.Polygon:
-    """Return what lies around muscles and bones, their narrow gaps closed."""
+def around_all(
+    bodies: Sequence[BaseGeometry], remarks: list[str], steps: float = 0.0
+) -> shapely.Polygon:
+    """Return what lies around muscles and bones, their narrow gaps closed.
+
+    Notches no deeper than `steps`, mm, are those of voxels and stay: filled, they would move an
+    envelope outward by 0.03 mm at voxels of 0.35 to 1 mm.
+    """
     filled = shapely.union_all(bodies)
     closed = largest(filled.buffer(NOTCH).buffer(-NOTCH))
-    added = closed.area - filled.area
+    gaps = shapely.get_parts(closed.difference(filled))
+    corners, of = shapely.get_coordinates(gaps, return_index=True)
+    depth = np.zeros(len(gaps))
+    np.maximum.at(depth, of, shapely.distance(shapely.points(corners), closed.exterior))
+    gaps = gaps[depth > steps]
+    added = float(shapely.area(gaps).sum())
     if added > _CRUMB:
         remarks.append(f"muscle: gaps of {added:.0f} mm2 between muscles closed")
-    return shapely.Polygon(closed.exterior)
+    return shapely.Polygon(largest(shapely.union_all([filled, *gaps])).exterior)
 
 
 def _skin_thickness(source: Source, whole: shapely.Polygon, where: Plane, at: str) -> float | None:
@@ -377,6 +398,41 @@ def counter_clockwise(body: shapely.Polygon) -> Array:
         points = points[::-1]
     # Where VTK begins depends on how the surface lies: begin at the one that is furthest right.
     return np.roll(points, -int(np.argmax(points[:, 0])), axis=0)
+
+
+def distinct(points: Array) -> Array:
+    """Return the points of a surface's outline that were measured, one for each vertex.
+
+    All triangles at a vertex near the plane are cut near it. Such points have the same error, and
+    cross-validation would take it for shape: points closer than half a knot become one. The outline
+    comes back as it is where too few would be left.
+    """
+    sides = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    rolled = np.roll(points, -int(np.argmax(sides)) - 1, axis=0)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rolled, axis=0), axis=1)))
+    starts = [0]
+    for number, place in enumerate(along):
+        if place - along[starts[-1]] >= _KNOTS / 2:
+            starts.append(number)
+    if len(starts) < FEWEST:
+        return points
+    return np.asarray(np.add.reduceat(rolled, starts) / np.diff([*starts, len(points)])[:, None])
+
+
+def of_surface(
+    points: Array, tolerance: float, at: str, radii: Sequence[float], strict: bool
+) -> Outline:
+    """Return the smooth curve near the outline of a surface, and its distance from all of that.
+
+    Of the points that are not distinct, some may be further away than the tolerance, unless it is
+    `strict`.
+    """
+    found = smooth_outline(distinct(points), tolerance, at, radii)
+    line = shapely.LinearRing(found.curve.evaluate(found.curve.sample(0.05)))
+    away = float(np.max(shapely.distance(shapely.points(points), line)))
+    if strict and away > tolerance:
+        return smooth_outline(points, tolerance, at, radii)
+    return replace(found, deviation_mm=max(found.deviation_mm, away))
 
 
 def blunt(points: Array) -> Outline:
