@@ -8,6 +8,7 @@ import pandas as pd
 from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.report import names
 from calfsocket.report.findings import Findings
+from calfsocket.report.method import states_of
 from calfsocket.report.words import number, span
 
 MOST_NAMED, MOST_LISTED = 4, 6
@@ -129,7 +130,7 @@ class Answer:
 
     @property
     def unstable(self) -> list[str]:
-        """Cases whose equilibrium is not stable, with the number of negative modes."""
-        records = self.findings.study.records.values()
-        modes = {each.name: each.checks.negative_modes for each in records if each.checks}
+        """States whose equilibrium is not stable, with the number of negative modes."""
+        records = states_of(self.findings.study)
+        modes = {name: each.checks.negative_modes for name, each in records if each.checks}
         return [f"{name} ({n})" for name, n in modes.items() if n]

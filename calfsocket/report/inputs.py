@@ -47,6 +47,14 @@ def donning(results: Results) -> list[str]:
     return [DONNING[value] for value in dict.fromkeys(each) if value in DONNING]
 
 
+def wide(results: Results) -> str:
+    """Return whether "all" sockets start wide, or "some"; empty where none does."""
+    found = donning(results)
+    if DONNING["expanded"] not in found:
+        return ""
+    return "all" if len(found) == 1 else "some"
+
+
 CARRIED = {
     "frame": "A rigid frame carries the socket's outer face",
     "evenly": "Forces and moments are spread evenly over the socket's outer face, which is free to "

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from calfsocket.report.words import number
 from calfsocket.simulation.result import Result
@@ -18,6 +19,8 @@ class Stage:
     skin: str  #: largest effective stress of the skin at its end, kPa
     slipping: str  #: largest share of the contact that slips on its way, %
     dissipated: str  #: work of friction in it, N mm for each mm of limb
+    skin_kPa: float  #: largest effective stress of the skin at its end
+    largest_kPa: float  #: largest contact pressure at its end
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,26 @@ class Case:
     figure: str
     stages: tuple[Stage, ...]
 
+    @property
+    def donned(self) -> Stage:
+        """The state before its loads."""
+        return self.stages[0]
+
+    @property
+    def worst_of_skin(self) -> Stage:
+        """The state with the largest effective stress of the skin."""
+        return max(self.stages, key=lambda stage: stage.skin_kPa)
+
+    @property
+    def worst_of_pressure(self) -> Stage:
+        """The state with the largest contact pressure."""
+        return max(self.stages, key=lambda stage: stage.largest_kPa)
+
+    @property
+    def limits(self) -> tuple[Stage, ...]:
+        """The stages whose forces could not be borne."""
+        return tuple(stage for stage in self.stages if stage.limit)
+
 
 @dataclass(frozen=True)
 class Loads:
@@ -35,7 +58,7 @@ class Loads:
 
     results: Results
 
-    @property
+    @cached_property
     def cases(self) -> tuple[Case, ...]:
         """Cases with stages."""
         return tuple(
@@ -43,6 +66,18 @@ class Loads:
             for place, (key, result) in enumerate(self.results.items())
             if result.states
         )
+
+    @property
+    def worst(self) -> Case | None:
+        """The case whose skin has the largest effective stress, in any of its states."""
+        if not self.cases:
+            return None
+        return max(self.cases, key=lambda case: case.worst_of_skin.skin_kPa)
+
+    @property
+    def limited(self) -> tuple[Case, ...]:
+        """Cases with a force that could not be borne."""
+        return tuple(case for case in self.cases if case.limits)
 
 
 def stages_of(result: Result) -> tuple[Stage, ...]:
@@ -65,6 +100,8 @@ def stages_of(result: Result) -> tuple[Stage, ...]:
                 number(summary["skin", "effective_stress"]),
                 number(float(part.slipping_percent.max())),
                 number(float(work)),
+                float(summary["skin", "effective_stress"]),
+                float(most),
             )
         )
     return tuple(found)

@@ -99,8 +99,19 @@ def warnings(results: Results) -> list[str]:
     for record in results.unsolved.values():
         about = f"{record.name} is left out" + (f", {stopped(record)}" if stopped(record) else "")
         found.append(f"{about}: {results.left_out[record.name]}")
-    for record in results.records.values():
-        found += [f"{record.name}: {text}" for text in record.warnings]
+    for name, record in states_of(results):
+        found += [f"{name}: {text}" for text in record.warnings]
+    return found
+
+
+def states_of(results: Results) -> list[tuple[str, CaseRecord]]:
+    """Return the record of each case, and of each of its states after a stage of loading."""
+    found = []
+    for key, record in results.records.items():
+        found.append((record.name, record))
+        if record.states:
+            states = results[key].states
+            found += [(f"{record.name}, {name}", state.record) for name, state in states.items()]
     return found
 
 

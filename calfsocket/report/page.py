@@ -4,6 +4,7 @@ import base64
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,11 @@ class Page:
     chapters: list[tuple[str, str]] = field(default_factory=list)
     """Anchor and title of those shown so far."""
     _figures_shown: int = 0
+    _taken: set[str] = field(default_factory=set)
+    """Numbers of figures that no other one may have."""
+
+    def __post_init__(self) -> None:
+        self._taken |= {*self.numbers.values()}
 
     def write(self, template: str, package: str, **values: Any) -> Path:
         """Write the page into the folder; return its path."""
@@ -86,7 +92,9 @@ class Page:
         if name not in self.figures:
             return Markup()
         self._figures_shown += 1
-        number = self.numbers.get(name, str(self._figures_shown))
+        if (number := self.numbers.get(name)) is None:
+            number = next(n for n in map(str, count(self._figures_shown)) if n not in self._taken)
+        self._taken.add(number)
         found = self.figures[name]
         if isinstance(found, Drawing):
             image = found.small

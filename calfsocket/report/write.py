@@ -147,6 +147,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "axes": _axes(findings),
         "friction": any(inputs.friction(study)),
         "donning": " or ".join(inputs.donning(study)),
+        "wide": inputs.wide(study),
         "carried": inputs.carried(study),
         "loading": Loads(results),
         "options": [f"{key} {value}" for key, value in run.petsc_options.items()] if run else [],

@@ -1,0 +1,96 @@
+"""The report of a study with a liner and stages of loading: true of the study at hand."""
+
+import html
+import re
+from dataclasses import replace
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.meshes.placement import check_placement
+from calfsocket.report.page import Page
+from calfsocket.report.write import write_report
+from calfsocket.simulation.results import load_results
+from calfsocket.study.cases import Case
+from calfsocket.study.document import Document
+from tiny_study import tiny_limb, tiny_socket, tiny_study
+
+LOADS = [
+    {"name": "twist", "moment": "0.6 N mm/mm", "steps": 1},
+    {"name": "loss", "moment": "0 N mm/mm", "volume": {"muscle": "-2 %"}, "steps": 1},
+]
+LINER = {"thickness": "1 mm", "law": "gel", "bonded": "socket", "undersize": "2 %"}
+
+
+OVER = {"name": "over", "moment": "30 N mm/mm", "steps": 1}
+
+
+def report(out, **tables):
+    """Solve the tiny limb with these tables of a study file; return the report's text."""
+    given = {"model": {"size": "coarse"}, **tables}
+    document, limb, socket = Document.model_validate(given), tiny_limb(), tiny_socket("B")
+    case = Case(
+        limb,
+        socket,
+        MaterialSet.paper("combined"),
+        document,
+        of=("B", "combined"),
+        changes={},
+        placement=check_placement(socket, limb, liner=document.liner),
+    )
+    study = tiny_study(out)
+    plan = replace(study.plan, document=document, cases=(case,))
+    assert replace(study, plan=plan).run()
+    page = write_report(load_results(out)).read_text()
+    page = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
+    text = html.unescape(re.sub(r"<[^>]+>", "", page)).replace("\N{NO-BREAK SPACE}", " ")
+    return re.sub(r"\s+", " ", text)
+
+
+def test_a_lined_socket_that_is_donned_wide_and_loaded_evenly(tmp_path):
+    model = {"size": "coarse", "socket_carried": "evenly", "donning": "expanded"}
+    text = report(tmp_path / "lined", model=model, loads=LOADS, liner=LINER)
+    for sentence in (
+        "A liner of 1.00 mm is bonded to the socket's inner face, and meets the skin in contact.",
+        "It is bonded there stretched: before, every fibre around the limb is 2.00 % shorter.",
+        "It starts wide and clear of the limb, and shrinks to its size in small steps.",
+        "(the share by which a wide socket has shrunk to its size)",
+        "Socket donned wide, moved over the limb and let go. Pressure between skin and liner,",
+        "Forces and moments are spread evenly over the socket's outer face",
+        "The skin's effective stress is largest after stage loss,",
+        "Every state is a stable equilibrium (no negative modes).",
+        "outer face under loads evenly",
+    ):
+        assert sentence in text, sentence
+    for sentence in ("rigid frame carries", "overlap is released", "put on stretched", "borne"):
+        assert sentence not in text, sentence
+
+
+def test_a_force_that_is_not_borne_is_in_the_answer(tmp_path):
+    text = report(tmp_path / "bare", loads=[OVER])
+    for sentence in (
+        "Not all loads are borne: stage over, limit reached at moment",
+        "N mm/mm of 30.",
+        "A rigid frame carries the socket's outer face.",
+        "The overlap is released in small steps, until the limb lies inside the socket.",
+        "(the share of the overlap that is released)",
+        "Socket donned by closing the gaps in proportion. Pressure between skin and socket,",
+    ):
+        assert sentence in text, sentence
+    assert "liner" not in text
+
+
+def test_figures_without_a_number_do_not_take_one_that_is_given(tmp_path):
+    """The loads' curves stand among the paper's figures, which keep their numbers."""
+    shown = []
+
+    def draw():
+        shown.append(len(shown))
+        return Figure(figsize=(1, 1))
+
+    names = ("first", "loading_0", "second", "loading_1")
+    page = Page(tmp_path, dict.fromkeys(names, draw), {}, {"first": "2", "second": "3"})
+    figures = "".join(page.figure(name, name, lambda: Markup("words")) for name in names)
+    assert re.findall(r"Figure (\d+)", figures) == ["2", "4", "3", "5"]
+    assert len(shown) == 4
