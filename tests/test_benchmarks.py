@@ -6,7 +6,7 @@ import sys
 import pytest
 from rich.console import Console
 
-from benchmarks import growth, measure, ranks, runs, start
+from benchmarks import growth, measure, ranks, report, runs, start
 
 
 def test_a_process_is_timed_and_its_first_iteration_is_the_studys():
@@ -81,3 +81,14 @@ def test_tables_show_measured_and_bar():
     assert set(runs.ITERATIONS) == {
         (socket, name) for socket in ("TC", "TSB", "HS") for name in ("separate", "combined")
     }
+
+
+def test_processor_time_is_that_of_all_processes_of_a_command():
+    work = "x = 0\nfor i in range(10**7): x += i\n"
+    nested = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {work!r}])"
+    idle = report.timed([sys.executable, "-c", "import time; time.sleep(0.5)"])
+    assert idle["seconds"] > 0.5 > idle["processor_s"]
+    assert report.timed([sys.executable, "-c", nested])["processor_s"] > 0.1
+    shown = io.StringIO()
+    Console(file=shown, width=100).print(report.table({"size": "coarse", "picture": idle}))
+    assert "picture" in shown.getvalue()

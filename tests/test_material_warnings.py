@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from report_text import written
 from scipy.optimize import brentq
 
 from calfsocket import cli
@@ -16,6 +17,7 @@ from calfsocket.materials.material_set import BASE_SETS, MaterialSet
 from calfsocket.materials.stability import stable_ranges, tangents
 from calfsocket.materials.warnings import MaterialWarning
 from calfsocket.materials.warnings import warnings as law_warnings
+from calfsocket.simulation.results import Results
 from calfsocket.study.study import Study
 
 STUDY = '[study]\nsockets = ["TSB"]\nmaterials = ["mine"]\n[materials.mine]\nfat = {{ {} }}\n'
@@ -175,3 +177,19 @@ def test_stiff_and_soft_yeoh():
     assert law_warnings(Yeoh(c10=1.0, c20=0.1)) == []
     (said,) = law_warnings(Yeoh(c10=1.0, c20=-1.0, c30=0.4))
     assert "loses stability" in said
+
+
+def test_the_report_repeats_what_makes_one_doubt_a_law(six_results, tmp_path):
+    law = material_law("ogden", mu=[-14e-3, 17e-3], alpha=[-3.3, 5.1], nu=0.495)
+    run = six_results.run
+    doubted = {**run.laws, "separate": {**run.laws["separate"], "fat": law}}
+    run = run.model_copy(update={"laws": doubted})
+    one = six_results.only([("TC", "separate")])
+
+    def text(run):
+        return written(Results(tmp_path, run, one.records, lambda record: one[record.key])).text
+
+    told, doubts = text(run), law_warnings(law)
+    assert len(doubts) == 2
+    assert all(f"\nSeparate set, fat: {doubt}.\n" in told for doubt in doubts)
+    assert "doubt a law" not in text(six_results.run)

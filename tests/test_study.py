@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,10 @@ import pytest
 import pyvista
 
 from calfsocket import cli
-from calfsocket.study.runner import longest_first
+from calfsocket.io.errors import InputError
+from calfsocket.io.files import occupied
+from calfsocket.study import study
+from calfsocket.study.runner import Runner, longest_first
 from calfsocket.study.study import Study
 
 COLUMNS = [
@@ -41,6 +45,24 @@ def test_long_cases_are_given_out_first():
     names = [case.name for case in longest_first(Study.paper().cases)]
     expected = [f"{socket}_{s}" for socket in ("HS", "TC", "TSB") for s in ("separate", "combined")]
     assert names == expected
+
+
+def test_the_folder_is_kept_until_the_report_is_written(tmp_path, monkeypatch):
+    """Another run would replace what the report is made of."""
+    solved = SimpleNamespace(folder=tmp_path, write_maps=lambda _: [])
+    monkeypatch.setattr(Runner, "run", lambda *_: True)
+    monkeypatch.setattr(study, "load_results", lambda _: solved)
+    made = []
+
+    def report(results):
+        with pytest.raises(InputError, match="is solving into this folder"), occupied(tmp_path):
+            pass
+        made.append(results)
+
+    assert Study.paper().run(out=tmp_path, then=report) is solved
+    assert made == [solved]
+    with occupied(tmp_path):
+        pass
 
 
 def value(summary: pd.DataFrame, tissue: str, quantity: str) -> float:

@@ -91,7 +91,7 @@ def _draw_model(
     points = fields.deformed if deformed else fields.points
     for tissue, colour in COLOURS.items():
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
-    drawing.draw_outlines(axes, fields, points, linewidth=0.4)
+    drawing.draw_outlines(axes, fields, points, linewidth=0.5)
     if deformed:
         axes.set_title(f"Separate set at u = {specimen.stroke:g} mm", pad=2)
         return

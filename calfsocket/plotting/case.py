@@ -95,7 +95,7 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, directions: F
         quantities.nodal["effective_stress"],
         drawing.section_raster(fields, window, PIXELS),
         stress,
-        linewidth=0.45,
+        linewidth=0.55,
         zorder=3,
     )
     highest = max(band.pressure_kPa.max(), PRESSURE_STEP_KPA)

@@ -133,7 +133,7 @@ def draw_outlines(
     """Draw the outlines of the regions of some tissues, by default of all, the socket's too."""
     cells = fields.cells_of(*tissues)
     path = outlines(fields.cells[cells], fields.region[cells], points)
-    draw_path(axes, path, fill=False, edgecolor=OUTLINE, capstyle="round", **style)
+    draw_path(axes, path, fill=False, edgecolor=OUTLINE, **style)
 
 
 def section_raster(fields: SectionFields, window: Window, pixels: int) -> Raster:

@@ -51,7 +51,7 @@ def regions(findings: Findings) -> Figure:
         colour = drawing.TISSUE_COLOURS[tissue]
         drawing.draw_tissue(axes, fields, points, tissue, facecolor=colour)
     names = _by_tissue(fields)
-    drawing.draw_outlines(axes, fields, points, (*SUMMARY_TISSUES, "bone"), linewidth=0.4, zorder=3)
+    drawing.draw_outlines(axes, fields, points, (*SUMMARY_TISSUES, "bone"), linewidth=0.5, zorder=3)
     for number, place, target in _number_places(fields, names):
         if target is not None:
             axes.plot(*zip(place, target, strict=True), color="black", linewidth=0.5, zorder=4)

@@ -73,7 +73,7 @@ def draw_map(findings: Findings, what: Map) -> Figure:
             result.quantities.nodal[what.quantity],
             findings.raster(result),
             what.scale,
-            linewidth=0.25,
+            linewidth=0.3,
         )
         for tissue in findings.soft_tissues:
             level = result.quantities.maximum(tissue, what.quantity)
