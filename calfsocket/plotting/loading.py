@@ -7,12 +7,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from calfsocket.io.files import replacing
 from calfsocket.mechanics.loading import DONNED
-from calfsocket.plotting.style import PNG_DPI, new_figure, type_set
+from calfsocket.plotting.style import PNG_DPI, new_figure, type_set, write
 
 PANEL_MM = 70.0
-CURVE_PICTURE = "loading.png"
+CURVE_PICTURE = "loading"
 
 SMALLEST_CHANGE = 1e-6
 """Of a load in N/mm, N mm/mm or %: less is what Newton's tolerance leaves of one that stays."""
@@ -86,9 +85,6 @@ def _draw_stages(axes: Axes, curve: pd.DataFrame, x: str | None, y: str) -> None
     axes.axhline(0.0, color="0.8", lw=0.5, zorder=0)
 
 
-def save(figure: Figure, folder: Path) -> Path:
+def save(figure: Figure, folder: Path, form: str) -> Path:
     """Write the curves into a case's folder; return their path."""
-    path = Path(folder) / CURVE_PICTURE
-    with replacing(path) as temporary:
-        figure.savefig(temporary, facecolor="white", dpi=PNG_DPI)
-    return path
+    return write(figure, Path(folder) / f"{CURVE_PICTURE}.{form}", PNG_DPI)

@@ -20,6 +20,10 @@ WIDTH_MM = 180.0  # a page of A4 or letter without its margins
 PNG_DPI = 300
 INCH_MM = 25.4
 
+FORMATS = ("png", "svg", "pdf")
+"""Of pictures; fields are grids of pixels in all of them, lines and letters can be scaled."""
+_DATE = {"svg": "Date", "pdf": "CreationDate"}
+
 TYPE = {
     "font.family": "DejaVu Sans",
     "font.size": 7.5,
@@ -175,10 +179,23 @@ def panels(
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
     """Write a figure as PNG and as PDF, the same bytes for the same figure; return both paths."""
-    png, pdf = folder / f"{name}.png", folder / f"{name}.pdf"
-    with replacing(png) as temporary:
-        figure.savefig(temporary, dpi=PNG_DPI, facecolor="white")
-    with replacing(pdf) as temporary:
-        # no date: it alone would differ from one writing to the next
-        figure.savefig(temporary, dpi=PNG_DPI, metadata={"CreationDate": None})
-    return png, pdf
+    png = write(figure, folder / f"{name}.png", PNG_DPI)
+    return png, write(figure, folder / f"{name}.pdf", PNG_DPI)
+
+
+def write(figure: Figure, path: Path, dpi: float | None = None) -> Path:
+    """Write a figure as the file that a path names, one of `FORMATS`; return the path.
+
+    The same figure gives the same bytes; the figure's own dpi are the default.
+    """
+    form = path.suffix[1:]
+    with replacing(path) as temporary, matplotlib.rc_context({"svg.hashsalt": "calfsocket"}):
+        figure.savefig(
+            temporary,
+            format=form,
+            dpi=dpi or "figure",
+            facecolor="white",
+            # No date: it alone would differ from one writing to the next.
+            metadata={_DATE[form]: None} if form in _DATE else None,
+        )
+    return path

@@ -180,6 +180,7 @@ class Study:
         pictures: bool = True,
         profile: bool = False,
         console: Console | None = None,
+        step_fields: bool = False,
     ) -> Results:
         """Solve the chosen cases side by side and write their results (collective).
 
@@ -203,6 +204,8 @@ class Study:
             Whether to draw each case, and to write where the time goes.
         console : rich.console.Console, optional
             Where progress is shown; standard error by default.
+        step_fields : bool
+            Whether to write the fields of every load step, too, for ParaView.
 
         Returns
         -------
@@ -225,7 +228,9 @@ class Study:
         with ExitStack() as stack:
             on_first_rank(comm, lambda: stack.enter_context(place))
             log.info("results go to %s", folder)
-            runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
+            runner = Runner(
+                comm, self.plan, folder, ranks_per_case, pictures, profile, console, step_fields
+            )
             runner.run(resume)
             on_first_rank(comm, lambda: load_results(folder).write_maps(pictures))
             # Before another run may begin to replace them.
