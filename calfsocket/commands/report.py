@@ -50,6 +50,12 @@ def write(comm: Comm, results: "Results", thresholds: "DamageThresholds | None" 
 
 @command(
     option("folder", type=Path, metavar="FOLDER", help="e.g. results/TC_separate"),
+    option(
+        "--format",
+        choices=("png", "svg", "pdf"),
+        default="png",
+        help="of the picture (default: %(default)s)",
+    ),
     description="""\
 Redraw the picture of a case from its files. That of a case which has stopped below its full load
 says so.
@@ -66,4 +72,4 @@ def picture(arguments: Namespace) -> None:
             f"picture: {folder} contains no {RESULT_FILE}; "
             "name the folder of a case, e.g. results/TC_separate"
         )
-    print(Result.load(folder, stopped=True).draw(folder))
+    print(Result.load(folder, stopped=True).draw(folder, arguments.format))

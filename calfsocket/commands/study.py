@@ -36,6 +36,11 @@ RUNNING = (
     option(
         "--profile", action="store_true", help="show where the time goes, and write profile.csv"
     ),
+    option(
+        "--step-fields",
+        action="store_true",
+        help="write the fields of every load step, too, and fields.pvd for ParaView",
+    ),
     option("--no-pictures", action="store_true", help="do not draw the cases"),
     option("--no-report", action="store_true", help="do not write the report at the end"),
 )
@@ -222,6 +227,7 @@ def solve(comm: Comm, study: "Study", arguments: Namespace) -> int:
             profile=arguments.profile,
             console=console,
             then=lambda results: _finish(comm, results, arguments, console),
+            step_fields=arguments.step_fields,
         )
     except KeyboardInterrupt as interrupt:
         raise type(interrupt)(

@@ -15,15 +15,15 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from calfsocket.meshes.frame import Frame
-from calfsocket.plotting import pressure_band
+from calfsocket.plotting import files, pressure_band
 from calfsocket.plotting import section as drawing
-from calfsocket.plotting.files import save_png
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import Quantities
 
-PICTURE_FILE = "picture.png"
+PICTURE = "picture"
+"""Name of the file, which ends in one of the formats."""
 
 STRESS_LIMIT_KPA = 10.0  # as PRESSURE_MM_PER_KPA
 PRESSURE_MM_PER_KPA = 0.4  # the same in every picture, so that pictures can be compared
@@ -110,9 +110,9 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, directions: F
     return figure
 
 
-def save(figure: Figure, folder: Path) -> Path:
+def save(figure: Figure, folder: Path, form: str) -> Path:
     """Write a picture into a case's folder; return its path."""
-    return save_png(figure, Path(folder) / PICTURE_FILE)
+    return files.save(figure, Path(folder) / f"{PICTURE}.{form}")
 
 
 def case_title(socket: str, material_set: str) -> str:

@@ -1,15 +1,19 @@
-"""Figures as they are written: PNG, PDF, and a small image for a page."""
+"""Figures as they are written: PNG, PDF, SVG, and a small image for a page."""
 
 import io
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
 from calfsocket.io.files import replacing
+
+FORMATS = ("png", "svg", "pdf")
+"""Of pictures; fields are grids of pixels in all of them, lines and letters can be scaled."""
 
 PNG_LEVEL, WEBP_METHOD, WEBP_EFFORT = 4, 1, 20
 """How hard files are packed: more takes several times as long and saves a few percent."""
@@ -49,10 +53,7 @@ class Drawing:
     def of(cls, figure: Figure) -> "Drawing":
         """Draw a figure at its resolution: once in pixels, once in vectors."""
         image = pixels(figure)
-        buffer = io.BytesIO()
-        # no date: it alone would differ from one writing to the next
-        figure.savefig(buffer, format="pdf", dpi=figure.dpi, metadata={"CreationDate": None})
-        return cls(png(image, figure.dpi), buffer.getvalue(), PageImage.of(image))
+        return cls(png(image, figure.dpi), vectors(figure, "pdf"), PageImage.of(image))
 
     def write(self, folder: Path, name: str) -> tuple[Path, Path]:
         """Write PNG and PDF; return their paths."""
@@ -77,8 +78,24 @@ def png(image: Image.Image, dpi: float) -> bytes:
     return buffer.getvalue()
 
 
-def save_png(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG at its resolution; return the path."""
+def vectors(figure: Figure, form: str) -> bytes:
+    """Return a figure as a PDF or SVG file."""
+    buffer = io.BytesIO()
+    date = {"pdf": "CreationDate", "svg": "Date"}[form]  # alone differs from writing to writing
+    with matplotlib.rc_context({"svg.hashsalt": "calfsocket"}):
+        figure.savefig(
+            buffer, format=form, dpi=figure.dpi, facecolor="white", metadata={date: None}
+        )
+    return buffer.getvalue()
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as the file that a path names, one of `FORMATS`; return the path.
+
+    The same figure gives the same bytes.
+    """
+    form = path.suffix[1:]
+    content = png(pixels(figure), figure.dpi) if form == "png" else vectors(figure, form)
     with replacing(path) as temporary:
-        temporary.write_bytes(png(pixels(figure), figure.dpi))
+        temporary.write_bytes(content)
     return path

@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from calfsocket.mechanics.loading import DONNED
-from calfsocket.plotting.files import save_png
+from calfsocket.plotting import files
 from calfsocket.plotting.style import new_figure, type_set
 
 PANEL_MM = 70.0
-CURVE_PICTURE = "loading.png"
+CURVE_PICTURE = "loading"
 
 SMALLEST_CHANGE = 1e-6
 """Of a load in N/mm, N mm/mm or %: less is what Newton's tolerance leaves of one that stays."""
@@ -86,6 +86,6 @@ def _draw_stages(axes: Axes, curve: pd.DataFrame, x: str | None, y: str) -> None
     axes.axhline(0.0, color="0.8", lw=0.5, zorder=0)
 
 
-def save(figure: Figure, folder: Path) -> Path:
+def save(figure: Figure, folder: Path, form: str) -> Path:
     """Write the curves into a case's folder; return their path."""
-    return save_png(figure, Path(folder) / CURVE_PICTURE)
+    return files.save(figure, Path(folder) / f"{CURVE_PICTURE}.{form}")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from calfsocket.plotting.files import save_png
+from calfsocket.plotting import files
 from calfsocket.plotting.style import (
     WIDTH_MM,
     add_axes,
@@ -79,7 +79,7 @@ def draw(found: PressureMap) -> Figure:
 def save(found: PressureMap, folder: Path) -> Path:
     """Write the picture of a map as NAME.png; return its path."""
     with type_set():
-        return save_png(draw(found), folder / f"{found.name}.png")
+        return files.save(draw(found), folder / f"{found.name}.png")
 
 
 def _panel(

@@ -15,10 +15,12 @@ from calfsocket.io.schema import read_json
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import Maximum, Quantities, contact_quantities, summary
+from calfsocket.postprocess.series import SERIES_FILE, write_series
 from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
 from calfsocket.simulation.record import CaseRecord, Checks
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.figure import Figure
 
 RESULT_FILE = "result.json"
@@ -139,28 +141,73 @@ class Result:
             title += f", stopped at load {self.checks.load:.3f}"
         return case.draw(self.quantities, self.line, title, self.record.frame)
 
-    def draw(self, folder: Path | str) -> Path:
+    def draw(self, folder: Path | str, form: str = "png") -> Path:
         """Write the picture of `plot` as picture.png into a folder; return its path.
 
-        Those of states are in their folders; loading.png has the curves of the stages.
+        Those of states are in their folders; loading.png has the curves of the stages. `form` is
+        png, svg or pdf.
         """
         from calfsocket.plotting import case, loading
+        from calfsocket.plotting.files import FORMATS
 
+        if form not in FORMATS:
+            raise InputError(f"pictures: form is {form!r}; allowed: {', '.join(FORMATS)}")
         for name, state in self.states.items():
-            state.draw(Path(folder) / name)
+            state.draw(Path(folder) / name, form)
         if self.curve is not None:
-            loading.save(loading.draw(self.curve), Path(folder))
-        return case.save(self.plot(), Path(folder))
+            loading.save(loading.draw(self.curve), Path(folder), form)
+        return case.save(self.plot(), Path(folder), form)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return fields and contact as labelled arrays with units, `.to_netcdf(path)` writes them.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of `calfsocket.postprocess.dataset`. Where the case has stages of loading, those
+            arrays that differ have a dimension `state`: "donned", and the names of the stages. Its
+            attributes name the case, and the load, 0 to 1, of this equilibrium.
+
+        Examples
+        --------
+        ``result.to_xarray().stress_kPa.sel(component="33").mean("gauss_point")``
+        """
+        import xarray
+
+        from calfsocket.postprocess.dataset import dataset
+
+        every = [dataset(each.quantities, each.line) for each in (self, *self.states.values())]
+        made = every[0]
+        if self.states:
+            names = [each.record.state_name for each in (self, *self.states.values())]
+            made = xarray.concat(
+                every,
+                pd.Index(names, name=STATE),
+                data_vars="all",
+                # The undeformed section is the same in all states.
+                coords="minimal",
+                compat="override",
+                join="override",
+            )
+        socket, material_set = self.record.key
+        return made.assign_attrs(
+            title=self.record.name,
+            socket=socket,
+            material_set=material_set,
+            load_reached=self.checks.load,
+        )
 
     def save(self, folder: Path | str) -> Path:
         """Write fields.vtu, contact.csv, steps.csv and result.json; return the folder.
 
-        liner_contact.csv, too, where a liner is bonded to the limb; each state of a stage has them
-        in a folder of its own below, and loading.csv has the curve. All of them say at which load
-        this is an equilibrium. result.json is written last: a folder that has one is whole.
+        fields.pvd, too, where there are fields of load steps or stages, and liner_contact.csv where
+        a liner is bonded to the limb; each state of a stage has them in a folder of its own below,
+        and loading.csv has the curve. All of them say at which load this is an equilibrium.
+        result.json is written last: a folder that has one is whole.
         """
         folder = Path(folder)
         load = self.checks.load
+        (folder / SERIES_FILE).unlink(missing_ok=True)
         write_fields(folder, self.quantities, load)
         tables = {CONTACT_FILE: self.contact.assign(load=load), STEPS_FILE: self.steps}
         if self.lining is not None:
@@ -174,6 +221,7 @@ class Result:
         if self.curve is not None:
             with replacing(folder / CURVE_FILE) as temporary:
                 self.curve.to_csv(temporary, index=False)
+        write_series(folder, load, tuple(self.states))
         write_json(folder / RESULT_FILE, self.record.model_dump(mode="json"))
         return folder
 
@@ -205,7 +253,8 @@ class Result:
     @staticmethod
     def remove(folder: Path | str) -> None:
         """Remove what `save` and `draw` wrote; other files stay."""
-        from calfsocket.plotting.case import PICTURE_FILE
+        from calfsocket.plotting.case import PICTURE
+        from calfsocket.plotting.files import FORMATS
         from calfsocket.plotting.loading import CURVE_PICTURE
 
         for path in Path(folder).glob(f"*/{RESULT_FILE}"):
@@ -215,7 +264,8 @@ class Result:
 
         # result.json first: without it the rest is no result.
         tables = (RESULT_FILE, FIELDS_FILE, CONTACT_FILE, STEPS_FILE, CURVE_FILE, LINER_FILE)
-        for name in (*tables, PICTURE_FILE, CURVE_PICTURE):
+        pictures = [f"{name}.{form}" for name in (PICTURE, CURVE_PICTURE) for form in FORMATS]
+        for name in (*tables, SERIES_FILE, *pictures):
             (Path(folder) / name).unlink(missing_ok=True)
 
     @classmethod

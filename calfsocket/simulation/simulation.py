@@ -40,6 +40,8 @@ from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.extract import contact_line, section_fields, skin_line
 from calfsocket.postprocess.loading_curve import curve_table, in_words
+from calfsocket.postprocess.quantities import Quantities
+from calfsocket.postprocess.series import remove_steps, write_step
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.prepared import Prepared
@@ -247,6 +249,7 @@ class Simulation:
         resume: bool = False,
         profile: Profile | None = None,
         prepared: Prepared | None = None,
+        step_fields: Path | None = None,
     ) -> Result:
         """Mesh, solve and check (collective).
 
@@ -262,6 +265,9 @@ class Simulation:
             Times the solution.
         prepared : Prepared, optional
             Mesh and problem of the last case, which are taken where they are those of this one.
+        step_fields : Path, optional
+            Folder of the case: the fields of each load step are written there, below load_steps/,
+            and `Result.save` into it joins them in fields.pvd for ParaView.
 
         Returns
         -------
@@ -301,6 +307,8 @@ class Simulation:
                 problem, self.steps, on_iteration=monitor.iteration, on_step=monitor.step
             )
         kept, start = self._keep_checkpoints(stepper, monitor, checkpoint, resume)
+        if step_fields:
+            self._keep_step_fields(stepper, monitor, step_fields, start)
         failure = ""
         if profile:
             profile.start()
@@ -344,6 +352,31 @@ class Simulation:
             monitor.resumed(start)
         return checkpoint, start
 
+    def _keep_step_fields(
+        self, stepper: LoadStepper, monitor: Monitor, folder: Path, start: Milestone | None
+    ) -> None:
+        """Write the fields of each equilibrium below the full load from now on."""
+        others, troubles = stepper.on_milestone, set[str]()
+        on_first_rank(self.comm, lambda: remove_steps(folder, start.load if start else -1.0))
+
+        def save(milestone: Milestone) -> None:
+            if others:
+                others(milestone)
+            if milestone.load == 1.0:
+                return
+            with self.phases("fields"):
+                fields = section_fields(stepper.problem, self._tissues)
+                if fields is not None:  # on the first rank
+                    with reported(monitor, milestone.load, troubles):
+                        write_step(folder, Quantities.of(fields), milestone.load)
+
+        stepper.on_milestone = save
+
+    @property
+    def _tissues(self) -> dict[str, str]:
+        """Tissue of each region, those of socket and liner too."""
+        return self.limb.tissues | {name: name for name in (tags.SOCKET, tags.LINER)}
+
     def result(
         self, stepper: LoadStepper, start: Milestone | None = None, failure: str = ""
     ) -> Result:
@@ -351,8 +384,7 @@ class Simulation:
         with self.phases("checks"):
             checks = check(stepper)
         with self.phases("fields"):
-            tissues = self.limb.tissues | {name: name for name in (tags.SOCKET, tags.LINER)}
-            fields = section_fields(stepper.problem, tissues)
+            fields = section_fields(stepper.problem, self._tissues)
             line, lining = skin_line(stepper.problem), None
             if self.liner and self.liner.bonded == "limb":
                 lining = contact_line(stepper.problem)

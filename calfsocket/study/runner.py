@@ -24,6 +24,7 @@ from calfsocket.mechanics.stepping import LoadStep, Milestone
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.parallel.progress import Event, Reporter
 from calfsocket.parallel.scheduler import Scheduler
+from calfsocket.postprocess.series import remove_steps
 from calfsocket.postprocess.thresholds import shares_beyond
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.precompile import precompile
@@ -51,6 +52,7 @@ class Runner:
     pictures: bool = True
     profile: bool = False
     console: Console | None = None
+    step_fields: bool = False
 
     def run(self, resume: bool = False) -> bool:
         """Solve every case (collective); return whether all reached the full load.
@@ -149,11 +151,18 @@ class _CaseRunner(Monitor):
         study, case = self._study, self._case
         if self._is_root:
             Result.remove(study.out / case.name)
+            if not (study.step_fields and resume):
+                remove_steps(study.out / case.name)
         simulation = case.simulation(self._scheduler.group)
         profile = Profile() if study.profile else None
         try:
             result = simulation.solve(
-                self, study.out / case.name / CHECKPOINT_FILE, resume, profile, self._prepared
+                self,
+                study.out / case.name / CHECKPOINT_FILE,
+                resume,
+                profile,
+                self._prepared,
+                study.out / case.name if study.step_fields else None,
             )
         except ConvergenceError as error:
             result = error.result

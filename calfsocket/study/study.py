@@ -181,6 +181,7 @@ class Study:
         profile: bool = False,
         console: Console | None = None,
         then: Callable[[Results], object] = lambda _: None,
+        step_fields: bool = False,
     ) -> Results:
         """Solve the chosen cases side by side and write their results (collective).
 
@@ -206,6 +207,8 @@ class Study:
             Where progress is shown; standard error by default.
         then : callable
             What is made of the results, on all ranks, before another run may begin in the folder.
+        step_fields : bool
+            Whether to write the fields of every load step, too, for ParaView.
 
         Returns
         -------
@@ -228,7 +231,9 @@ class Study:
         with ExitStack() as stack:
             on_first_rank(comm, lambda: stack.enter_context(place))
             log.info("results go to %s", folder)
-            runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
+            runner = Runner(
+                comm, self.plan, folder, ranks_per_case, pictures, profile, console, step_fields
+            )
             runner.run(resume)
             results = load_results(folder)
             on_first_rank(comm, lambda: results.write_maps(pictures))
