@@ -93,6 +93,5 @@ def test_voxels_do_not_bias_the_pressure(tmp_path: Path, materials: str) -> None
     """The map has the muscle envelope, between which and the skin the fat lies."""
     labels, affine = Phantom(turn=TILTED).labels((1.0, 1.0, 1.0), *LABELLED)
     limb = cs.Limb.from_labels(nrrd(tmp_path / "a.nrrd", labels, affine), table(tmp_path))
-    mean, _, over_all = solved(limb, "HS", materials)
+    mean, *_ = solved(limb, "HS", materials)
     assert mean == pytest.approx(of_the_calf(materials)[0], rel=0.02)
-    assert over_all == pytest.approx(of_the_calf(materials)[2], rel=0.02)
