@@ -8,7 +8,12 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.materials.material_set import MaterialSet
+from calfsocket.mechanics.carrier import Control
+from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.loading import Loading, Stage
+from calfsocket.mechanics.stages import StageStepper
+from calfsocket.mechanics.stepping import LoadStepper
+from calfsocket.meshes.section import section_mesh
 from calfsocket.simulation.simulation import Monitor, Simulation
 from tiny_study import tiny_limb, tiny_socket
 
@@ -87,6 +92,26 @@ def test_stages_of_a_limb_balance_and_come_to_their_limit(carried):
     # Friction is what holds the moment: at the limit all of the contact slips.
     over = result.curve[result.curve.stage == "over"]
     assert over.slipping_percent.iloc[-1] > 99.0
+
+
+@pytest.mark.parametrize("carried", ["frame", "evenly"])
+def test_a_state_beyond_the_limit_is_stable_by_its_way_alone(carried):
+    """Under its moment it would turn round: the negative mode is the carrier's."""
+    model = simulation()
+    section = section_mesh(MPI.COMM_SELF, model.limb, model.socket, model.mesh_size)
+    laws = {name: model.region_laws[name] for name in section.regions}
+    donned = LoadStepper(limb_problem(section, laws, model.contact), model.steps)
+    donned.run()
+    stages = StageStepper(donned, model.limb.frame, carried=carried)
+    assert stages.run(OVER) is not None
+    moments = [point.force[2] for point in stages.points]
+    assert moments[-1] < max(moments)
+    newton, held = stages.stepper.newton, np.zeros(3, dtype=bool)
+    assert newton.negative_modes() == 0
+    stages.carrier.control = Control.of(held, stages.points[-1].force, np.zeros(3))
+    assert newton.negative_modes() == 1
+    stages.carrier.control = Control.of(~held, np.zeros(3), stages.points[-1].place)
+    assert newton.negative_modes() == 0
 
 
 def test_a_frame_is_stiffer_than_an_even_load():

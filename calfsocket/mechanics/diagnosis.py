@@ -138,7 +138,7 @@ class Iterate:
     unbalanced : str
         Region with the largest residual.
     state : State, optional
-        None where it ran away to unknowns that are not finite.
+        None where it ran away to unknowns or forces that are not finite.
     motion : Motion, optional
         Of a floating socket, since the equilibrium before.
     unsettled : int
@@ -183,7 +183,10 @@ def last_iterate(newton: Newton, problem: Problem, equilibrium: PETSc.Vec) -> It
     if not np.isfinite(newton.x.norm()):
         equilibrium.copy(newton.x)  # at the load of the step, it is not balanced
         return Iterate(problem.least_balanced_region(newton.x))
-    unbalanced = problem.least_balanced_region(newton.x)
+    unbalanced, residual = problem.least_balanced_region(newton.x), newton.x.duplicate()
+    problem.residual(newton.x, residual)
+    if not np.isfinite(residual.norm()):  # the tangent is not, either
+        return Iterate(unbalanced)
     state = observe(newton, problem)
     if not problem.has_contact:
         return Iterate(unbalanced, state)

@@ -88,6 +88,9 @@ class Newton:
         Unknowns: where a solve starts, and its last iterate.
     tangent : PETSc.Mat
         The tangent, at the iterate where it was last computed.
+    searches : bool
+        Whether a line search follows where full steps do not converge. Where there is no
+        equilibrium it goes on in tiny steps, so that whoever has another way does without.
     observers : list of callable
         Called at each iteration of every Newton's method of this process, with itself, PETSc's
         SNES, the iteration and the residual norm (N/mm).
@@ -104,6 +107,7 @@ class Newton:
     ) -> None:
         self.problem = problem
         self._active_set = active_set
+        self.searches = True
         self._monitor = monitor
         self._history: list[float] = []
         self.x = problem.create_vector()
@@ -149,7 +153,7 @@ class Newton:
         else:
             with self._active_set.iterating(ahead):
                 result = self._attempt(self._first)
-        if result.converged or self._searching is self._first:
+        if result.converged or self._searching is self._first or not self.searches:
             return result
         start.copy(self.x)
         again = self._attempt(self._searching)

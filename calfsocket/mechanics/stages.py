@@ -332,6 +332,8 @@ class StageStepper:
         stepper.control = control
         first = control.first if isinstance(control, LoadSteps) else 1.0
         here = Milestone(0.0, 0.0, first, self.x, self.x, problem.slip_history)
+        # A force that fails is followed by its way, and a way by a shorter one.
+        stepper.newton.searches = isinstance(control, LoadSteps)
         stepper.run(way or here, lambda before, after: set_share(after))
 
     def _along(
