@@ -230,7 +230,7 @@ class Study:
             log.info("results go to %s", folder)
             runner = Runner(comm, self.plan, folder, ranks_per_case, pictures, profile, console)
             runner.run(resume)
-            results = load_results(folder)
+            results = load_results(folder, runner.shared())
             on_first_rank(comm, lambda: results.write_maps(pictures))
             then(results)
             return results
