@@ -51,7 +51,7 @@ def test_the_folder_is_kept_until_the_report_is_written(tmp_path, monkeypatch):
     """Another run would replace what the report is made of."""
     solved = SimpleNamespace(folder=tmp_path, write_maps=lambda _: [])
     monkeypatch.setattr(Runner, "run", lambda *_: True)
-    monkeypatch.setattr(study, "load_results", lambda _: solved)
+    monkeypatch.setattr(study, "load_results", lambda *_: solved)
     made = []
 
     def report(results):

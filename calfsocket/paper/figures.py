@@ -63,7 +63,7 @@ def _maxima(table: pd.DataFrame, columns: tuple[str, str], label: str) -> Figure
     for bottom, quantities, title in ((79.0, STRESSES, "stresses"), (18.0, STRAINS, "strains")):
         axes = add_axes(figure, 14.0, bottom, WIDTH_MM - 16.0, 45.0)
         _bars(axes, table, "quantity", quantities, columns, sockets)
-        axes.set_title(f"Largest {title}")
+        axes.set_title(f"Largest {title}", y=1.0)
         axes.set_ylabel(label)
     legend_at(figure, 14.0, 3.0, _key(sockets))
     return figure
@@ -82,10 +82,10 @@ def at_sites(table: pd.DataFrame, quantities: Sequence[str]) -> Figure:
             if limited:
                 axes.set_ylim(-LIMITED_PCT, LIMITED_PCT)
                 axes.yaxis.set_major_locator(MultipleLocator(100))
-                axes.set_title(f"{names.QUANTITIES[quantity]}, within ±{LIMITED_PCT:g} %")
+                axes.set_title(f"{names.QUANTITIES[quantity]}, within ±{LIMITED_PCT:g} %", y=1.0)
             else:
                 _logarithmic(axes)
-                axes.set_title(f"{names.QUANTITIES[quantity]}, full range")
+                axes.set_title(f"{names.QUANTITIES[quantity]}, full range", y=1.0)
             if j == 0:
                 axes.set_ylabel("relative change, eq. (3), %", labelpad=2)
     sites = [

@@ -55,7 +55,7 @@ def _draw_legend(figure: Figure, stress: ScalarMappable, fields: SectionFields) 
         extendfrac=0.08,
     )
     bar.tick_params(labelsize=8)
-    bar.set_title("effective (Mises) stress, kPa; arrow: above", fontsize=8.5)
+    bar.set_title("effective (Mises) stress, kPa; arrow: above", fontsize=8.5, y=1.0)
     handles = [
         pressure_band.key("contact pressure on the skin"),
         Line2D([], [], **pressure_band.LEVEL_LINE, label=f"lines every {PRESSURE_STEP_KPA:g} kPa"),

@@ -254,13 +254,15 @@ def of_case(rows: pd.DataFrame, record: CaseRecord, key: Key | None = None) -> p
     return rows
 
 
-def load_results(folder: Path | str) -> Results:
+def load_results(folder: Path | str, known: Mapping[Key, Result] | None = None) -> Results:
     """Read the results of a study, or of single results that were saved into one folder.
 
     Parameters
     ----------
     folder : Path
         Holds a run.json, or a folder with a result.json for every case.
+    known : mapping, optional
+        Results that need not be read.
 
     Returns
     -------
@@ -282,16 +284,16 @@ def load_results(folder: Path | str) -> Results:
         found = {record.key: (folder / record.name, record) for record in solved}
     else:
         paths = sorted(folder.glob(f"*/{RESULT_FILE}"))
-        read = [(path.parent, read_json(path, CaseRecord)) for path in paths]
-        found = {record.key: (place, record) for place, record in read}
+        places = [(path.parent, read_json(path, CaseRecord)) for path in paths]
+        found = {record.key: (place, record) for place, record in places}
     if not found:
         raise InputError(f"{folder}: contains neither a {RUN_FILE} nor a case's {RESULT_FILE}")
-    known: dict[Key, Result] = {}
+    read: dict[Key, Result] = dict(known or {})
 
     def read_once(record: CaseRecord) -> Result:
-        if record.key not in known:
-            known[record.key] = Result.read(found[record.key][0], record)
-        return known[record.key]
+        if record.key not in read:
+            read[record.key] = Result.read(found[record.key][0], record)
+        return read[record.key]
 
     records = {key: record for key, (_, record) in found.items()}
     return Results(folder, run, records, read_once)

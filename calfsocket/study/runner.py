@@ -3,9 +3,9 @@
 import gc
 import logging
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pandas as pd
@@ -32,13 +32,16 @@ from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.profile import PROFILE_FILE, Phases, Profile
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.result import CURVE_FILE, Result
-from calfsocket.simulation.results import KEY, of_case
+from calfsocket.simulation.results import KEY, Key, of_case
 from calfsocket.simulation.simulation import Monitor, Simulation, reported, steps_table
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.record import Recorder
 from calfsocket.study.restart import digests
 
 log = logging.getLogger(__name__)
+
+KEPT_CELLS = 200_000
+"""Most cells of results that a rank keeps, some 0.2 GB; what is beyond is read from its files."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,8 @@ class Runner:
     profile: bool = False
     console: Console | None = None
     step_fields: bool = False
+    solved: dict[Key, Result] = field(default_factory=dict)
+    """What this rank has solved and kept, for what is made of it at the end."""
 
     def run(self, resume: bool = False) -> bool:
         """Solve every case (collective); return whether all reached the full load.
@@ -68,6 +73,19 @@ class Runner:
         if cases:
             self._solve(cases, recorder, resume)
         return bool(self.comm.bcast(recorder.close() if recorder else None, root=0))
+
+    def keep(self, result: Result) -> None:
+        """Keep a result while there is room."""
+        if result.solved and cells_of([*self.solved.values(), result]) <= KEPT_CELLS:
+            self.solved[result.record.key] = result
+
+    def shared(self) -> dict[Key, Result]:
+        """Return the results that all ranks have kept, while there is room (collective)."""
+        if self.comm.allreduce(cells_of(self.solved.values())) > KEPT_CELLS:
+            return self.solved
+        return {
+            key: each for part in self.comm.allgather(self.solved) for key, each in part.items()
+        }
 
     def _begin(self, resume: bool) -> tuple[Recorder | None, tuple[Case, ...]]:
         """Open the record on rank 0; return it there, and the cases to solve on all ranks."""
@@ -170,6 +188,7 @@ class _CaseRunner(Monitor):
         result = replace(result, record=result.record.model_copy(update=names))
         if self._is_root:
             self._write(simulation, result)
+            study.keep(result)
             if profile:
                 self._merge(PROFILE_FILE, profile.rows(simulation.phases.seconds))
         record = result.record
@@ -236,6 +255,11 @@ class _CaseRunner(Monitor):
         if self._is_root:
             with reported(self, step.load, self._troubles):
                 self._merge("steps.csv", steps_table(self._steps))
+
+
+def cells_of(results: Iterable[Result]) -> int:
+    """Return the number of cells of results with their states."""
+    return sum(len(each.fields.cells) * (1 + len(each.states)) for each in results)
 
 
 @contextmanager

@@ -235,7 +235,7 @@ class Study:
                 comm, self.plan, folder, ranks_per_case, pictures, profile, console, step_fields
             )
             runner.run(resume)
-            results = load_results(folder)
+            results = load_results(folder, runner.shared())
             on_first_rank(comm, lambda: results.write_maps(pictures))
             then(results)
             return results

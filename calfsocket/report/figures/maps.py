@@ -88,7 +88,8 @@ def draw_map(findings: Findings, what: Map) -> Figure:
 
 def deformed_site(fields: SectionFields, x_mm: float, y_mm: float) -> np.ndarray:
     """Move a site of the reference section with its nearest node."""
-    node = np.argmin(np.linalg.norm(fields.points - (x_mm, y_mm), axis=1))
+    x, y = fields.points.T
+    node = np.argmin((x - x_mm) ** 2 + (y - y_mm) ** 2)
     return np.array([x_mm, y_mm]) + fields.displacement[node]
 
 
@@ -102,7 +103,7 @@ def _draw_key(figure: Figure, what: Map, findings: Findings) -> None:
         extend="both" if both else "max",
         extendfrac=0.07,
     )
-    bar.set_title(what.label, fontsize=7.5, pad=3)
+    bar.set_title(what.label, fontsize=7.5, pad=3, y=1.0)
     tissues = [
         Line2D([], [], marker=MARKERS[tissue], linestyle="", **MARKER, markersize=3.8, label=tissue)
         for tissue in findings.soft_tissues
