@@ -1,1 +1,1 @@
-"""How fast calfsocket is: `python3 -m benchmarks` measures, prints tables and writes JSON."""
+"""How fast calfsocket is: `python3 -m benchmarks` measures it and compares it with a baseline."""

@@ -23,6 +23,19 @@ from calfsocket.meshes.smoothing import smooth
 from calfsocket.meshes.socket import Socket
 from calfsocket.meshes.triangles import TriangleMesh
 
+EQUILATERAL_AREA = np.sqrt(3.0) / 4.0
+"""Of a triangle with sides of length 1."""
+_PARTS = 5
+SUBDIVISION = np.array(
+    [
+        np.array([3 * _PARTS - i - j, i, j]) / (3 * _PARTS)
+        for i in range(1, 3 * _PARTS)
+        for j in range(1, 3 * _PARTS - i)
+        if i % 3 == j % 3 != 0
+    ]
+)
+"""Barycentric coordinates of the middles of a triangle's 25 equal parts."""
+
 
 def section_mesh(
     comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
@@ -39,21 +52,7 @@ def section_mesh(
 
 def build(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> TriangleMesh:
     """Mesh a limb and a socket on this process; the same input gives the same arrays."""
-    size = final_size(limb, socket, size, liner)
-    with gmsh_model.session("section"):
-        generate(limb, socket, size, liner)
-        return smooth(gmsh_model.extract())
-
-
-def final_size(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> MeshSize:
-    """Replace a size that is a number of triangles by one in mm, by trial meshes."""
-
-    def count(trial: MeshSize) -> int:
-        with gmsh_model.session("trial"):
-            generate(limb, socket, trial, liner)
-            return len(gmsh_model.extract().cells)
-
-    return size.for_triangles(count)
+    return smooth(_Section(limb, socket, liner).mesh(size)[1])
 
 
 def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
@@ -66,10 +65,11 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
         raise InputError(f"{path}: meshes are gmsh files; use a name that ends in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
-    size = final_size(limb, socket, size)
+    section = _Section(limb, socket)
+    size, unsmoothed = section.mesh(size)
+    mesh = smooth(unsmoothed)
     with gmsh_model.session("section"), tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        generate(limb, socket, size)
-        mesh = smooth(gmsh_model.extract())
+        section.generate(size)
         gmsh_model.move_nodes(mesh.points)
         unfinished = Path(folder) / path.name
         gmsh.write(str(unfinished))
@@ -82,43 +82,94 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     )
 
 
-def generate(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> None:
-    """Mesh a limb and a socket in the current gmsh model, with named physical groups.
+class _Section:
+    """A limb, a socket and perhaps a liner between them, to be meshed."""
 
-    A liner shares its nodes with what it is bonded to. The nodes are gmsh's, before `smooth`.
-    """
-    loops = limb_curves(limb)
-    fit = fitted(limb, socket, liner)
-    surfaces, boundaries = _add_limb(limb, loops)
-    limb_surfaces = list(surfaces.values())
-    inner_edge, outer_edge = [gmsh_model.add_loop(fit.inner)], [gmsh_model.add_loop(fit.outer)]
-    surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
-    socket_surfaces, faces = [surfaces[tags.SOCKET]], [fit.inner, fit.outer]
-    meets = limb.contact_boundary
-    if liner is not None and fit.lining is not None:
-        edge = [gmsh_model.add_loop(fit.lining)]
-        boundaries[tags.LINER_SURFACE] = edge
-        if liner.bonded == "limb":
-            surfaces[tags.LINER] = gmsh_model.add_region(edge, boundaries[tags.SKIN_SURFACE])
-            limb_surfaces.append(surfaces[tags.LINER])
-            meets = tags.LINER_SURFACE
-            loops = {**loops, meets: fit.lining}
-        else:
-            surfaces[tags.LINER] = gmsh_model.add_region(inner_edge, edge)
-            socket_surfaces.append(surfaces[tags.LINER])
-            faces.insert(0, fit.lining)
-    on_limb = sizing.limb_field(loops, meets, size)
-    on_socket = sizing.socket_field(*faces, size=size)
-    with tempfile.TemporaryDirectory() as folder:
-        gmsh_model.mesh(
-            surfaces,
-            boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
-            lambda: [
-                _add_size(folder, on_limb, limb_surfaces),
-                _add_size(folder, on_socket, socket_surfaces),
-            ],
-            limb.region_tags,
-        )
+    def __init__(self, limb: Limb, socket: Socket, liner: Lining | None = None) -> None:
+        self._limb, self._liner = limb, liner
+        self._fit = fit = fitted(limb, socket, liner)
+        self._loops = limb_curves(limb)
+        faces, meets, loops = [fit.inner, fit.outer], limb.contact_boundary, self._loops
+        if liner is not None and fit.lining is not None:
+            if liner.bonded == "limb":
+                meets = tags.LINER_SURFACE
+                loops = {**loops, meets: fit.lining}
+            else:
+                faces.insert(0, fit.lining)
+        self._limb_sizes = sizing.LimbSizes(loops, meets)
+        self._socket_sizes = sizing.SocketSizes(*faces)
+        self._fields: tuple[MeshSize | None, tuple[SizeField, SizeField] | None] = (None, None)
+
+    def mesh(self, size: MeshSize) -> tuple[MeshSize, TriangleMesh]:
+        """Return the mesh, its nodes as gmsh has them, and its size where that was a number."""
+        found: list[TriangleMesh] = []
+
+        def count(trial: MeshSize) -> int:
+            with gmsh_model.session("section"):
+                self.generate(trial)
+                found.append(gmsh_model.extract())
+            return len(found[-1].cells)
+
+        size = size.for_triangles(count, lambda trial: self._room(found[-1], trial))
+        if not found:
+            count(size)
+        return size, found[-1]
+
+    def _sizes(self, size: MeshSize) -> tuple[SizeField, SizeField]:
+        """Sizes on the limb's side and on the socket's; those of the last size are kept."""
+        if size != self._fields[0] or self._fields[1] is None:
+            fields = self._limb_sizes.field(size), self._socket_sizes.field(size)
+            self._fields = size, fields
+            return fields
+        return self._fields[1]
+
+    def _room(self, mesh: TriangleMesh, size: MeshSize) -> float:
+        """Return how many equilateral triangles of a size have the area of a mesh."""
+        with_socket = [tags.SOCKET]
+        if self._liner is not None and self._liner.bonded == "socket":
+            with_socket.append(tags.LINER)
+        of_socket = np.isin(mesh.cell_tags, [mesh.regions[name] for name in with_socket])
+        corners = mesh.points[mesh.cells[:, :3]]
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        points = np.einsum("qv,mvc->mqc", SUBDIVISION, corners)
+        density = np.empty(len(area))
+        for field, at in zip(self._sizes(size), (~of_socket, of_socket), strict=True):
+            wanted = field.at(points[at].reshape(-1, 2)).reshape(-1, len(SUBDIVISION))
+            density[at] = (wanted**-2.0).mean(axis=1)
+        return float((area * density).sum() / EQUILATERAL_AREA)
+
+    def generate(self, size: MeshSize) -> None:
+        """Mesh in the current gmsh model, with named physical groups.
+
+        A liner shares its nodes with what it is bonded to. The nodes are gmsh's, before `smooth`.
+        """
+        limb, fit, liner = self._limb, self._fit, self._liner
+        surfaces, boundaries = _add_limb(limb, self._loops)
+        limb_surfaces = list(surfaces.values())
+        inner_edge, outer_edge = [gmsh_model.add_loop(fit.inner)], [gmsh_model.add_loop(fit.outer)]
+        surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
+        socket_surfaces = [surfaces[tags.SOCKET]]
+        if liner is not None and fit.lining is not None:
+            edge = [gmsh_model.add_loop(fit.lining)]
+            boundaries[tags.LINER_SURFACE] = edge
+            if liner.bonded == "limb":
+                surfaces[tags.LINER] = gmsh_model.add_region(edge, boundaries[tags.SKIN_SURFACE])
+                limb_surfaces.append(surfaces[tags.LINER])
+            else:
+                surfaces[tags.LINER] = gmsh_model.add_region(inner_edge, edge)
+                socket_surfaces.append(surfaces[tags.LINER])
+        on_limb, on_socket = self._sizes(size)
+        with tempfile.TemporaryDirectory() as folder:
+            gmsh_model.mesh(
+                surfaces,
+                boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
+                lambda: [
+                    _add_size(folder, on_limb, limb_surfaces),
+                    _add_size(folder, on_socket, socket_surfaces),
+                ],
+                limb.region_tags,
+            )
 
 
 def plated_limb_mesh(comm: MPI.Comm, limb: Limb, plate: Plate, size: MeshSize) -> SectionMesh:
@@ -139,7 +190,7 @@ def build_plated_limb(limb: Limb, plate: Plate, size: MeshSize) -> TriangleMesh:
         surfaces, boundaries = _add_limb(limb, loops)
         limb_surfaces = list(surfaces.values())
         surface, face, back = add_plate(plate, x, y, side=-1)
-        field = sizing.limb_field(loops, limb.contact_boundary, size)
+        field = sizing.LimbSizes(loops, limb.contact_boundary).field(size)
         gmsh_model.mesh(
             surfaces | {tags.SOCKET: surface},
             boundaries | {tags.SOCKET_INNER: face, tags.SOCKET_OUTER: back},

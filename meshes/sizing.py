@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -57,26 +58,51 @@ class MeshSize:
         }
         return replace(self, triangles=None, **lengths)
 
-    def for_triangles(self, count: Callable[["MeshSize"], int]) -> "MeshSize":
-        """Return the final size; `count` returns how many triangles a mesh of a size has.
+    def for_triangles(
+        self, count: Callable[["MeshSize"], int], room: Callable[["MeshSize"], float]
+    ) -> "MeshSize":
+        """Return the final size, that of the last mesh that was counted.
 
-        A field that is scaled by a factor f has about 1/f^2 as many triangles, fewer where the
-        outlines ask for small ones anyway. Trial meshes, the first one coarse, end within
-        `COUNT_TOLERANCE`, or after `TRIALS`.
+        Equilateral triangles of a size would fill the section with a number of them that grows
+        with 1/f^2 when every length is scaled by f. Along the curves a mesh needs some more for
+        each edge, whose number grows with 1/f. A coarse mesh says how many; the next one mostly
+        has the number that is asked for within `COUNT_TOLERANCE`. Where it has not, up to `TRIALS`
+        follow a power of f through the last two.
+
+        Parameters
+        ----------
+        count : callable
+            Returns how many triangles a mesh of a size has.
+        room : callable
+            Returns how many equilateral triangles of a size would fill the section.
         """
         if self.triangles is None:
             return self
-        factor, power = TRIAL_FACTOR, 2.0
+        factor = TRIAL_FACTOR
         found = count(self.scaled(factor))
+        power = None
         for _ in range(TRIALS):
             excess = found / self.triangles
             if abs(excess - 1.0) < COUNT_TOLERANCE:
                 break
             before, had = factor, found
-            factor *= excess ** (1.0 / power)
+            if power is None:
+                area = room(self.scaled(factor)) * factor**2
+                along = max(found * factor - area / factor, 0.0)
+                # The grid of the field changes the room a little.
+                near = self._factor(area, along)
+                factor = self._factor(room(self.scaled(near)) * near**2, along)
+            else:
+                factor *= excess ** (1.0 / power)
             found = count(self.scaled(factor))
             power = float(np.clip(np.log(had / found) / np.log(factor / before), 1.0, 4.0))
         return self.scaled(factor)
+
+    def _factor(self, area: float, along: float) -> float:
+        """Return the factor f at which area / f^2 + along / f is the number of triangles."""
+        assert self.triangles is not None
+        root = np.sqrt(along**2 + 4.0 * area * self.triangles)
+        return float((along + root) / (2.0 * self.triangles))
 
 
 SIZES = {
@@ -123,6 +149,12 @@ class SizeField:
     origin: Array  #: lower left corner, (2,)
     values: Array  #: at origin + GRID_STEP * (i, j), (n_x, n_y)
 
+    def at(self, points: Array) -> Array:
+        """Return the size at points (n, 2), linear between those of the grid; (n,)."""
+        return np.asarray(
+            map_coordinates(self.values, ((points - self.origin) / GRID_STEP).T, order=1)
+        )
+
     def write(self, path: Path) -> None:
         """Write the binary file that gmsh's field `Structured` reads: a grid one layer thick."""
         with path.open("wb") as file:
@@ -132,52 +164,78 @@ class SizeField:
             file.write(np.asarray(self.values, dtype=np.float64).tobytes())
 
 
-def limb_field(loops: Mapping[str, ClosedCurve], contact: str, size: MeshSize) -> SizeField:
-    """Return the element size of the limb, from its curves; `contact` names the skin's outline."""
-    parameters = {name: curve.sample(SAMPLE_STEP) for name, curve in loops.items()}
-    points = {name: loops[name].evaluate(t) for name, t in parameters.items()}
-    sizes = []
-    for name, curve in loops.items():
-        others = np.concatenate([p for other, p in points.items() if other != name])
-        gap = cKDTree(others).query(points[name])[0]
-        with np.errstate(divide="ignore"):
-            radius = 1 / np.abs(curve.curvature(parameters[name]))
-        most = size.on_skin if name == contact else size.on_curves
-        wanted = np.clip(size.gap_fraction * gap, size.smallest, most)
-        sizes.append(np.minimum(wanted, size.curvature_fraction * radius))
-    return _spread(np.concatenate(list(points.values())), np.concatenate(sizes), size)
+class LimbSizes:
+    """Element sizes of a limb, from its curves; `contact` names the skin's outline."""
+
+    def __init__(self, loops: Mapping[str, ClosedCurve], contact: str) -> None:
+        parameters = {name: curve.sample(SAMPLE_STEP) for name, curve in loops.items()}
+        points = {name: loops[name].evaluate(t) for name, t in parameters.items()}
+        gaps, radii = [], []
+        for name, curve in loops.items():
+            others = np.concatenate([p for other, p in points.items() if other != name])
+            gaps.append(cKDTree(others).query(points[name])[0])
+            with np.errstate(divide="ignore"):
+                radii.append(1 / np.abs(curve.curvature(parameters[name])))
+        self._around = _Surroundings(np.concatenate(list(points.values())))
+        self._gap, self._radius = np.concatenate(gaps), np.concatenate(radii)
+        self._on_skin = np.concatenate([np.full(len(p), n == contact) for n, p in points.items()])
+
+    def field(self, size: MeshSize) -> SizeField:
+        """Return the field of a size."""
+        most = np.where(self._on_skin, size.on_skin, size.on_curves)
+        wanted = np.clip(size.gap_fraction * self._gap, size.smallest, most)
+        sizes = np.minimum(wanted, size.curvature_fraction * self._radius)
+        return self._around.spread(sizes, size)
 
 
-def socket_field(*faces: ClosedCurve, size: MeshSize) -> SizeField:
-    """Return the element size of the socket, from its faces; a liner's inner face comes first."""
-    points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in faces]
-    wanted = [size.socket_inner] * (len(faces) - 1) + [size.socket_outer]
-    sizes = [np.full(len(p), h) for p, h in zip(points, wanted, strict=True)]
-    return _spread(np.concatenate(points), np.concatenate(sizes), size)
+class SocketSizes:
+    """Element sizes of a socket, from its faces; a liner's inner face comes first."""
+
+    def __init__(self, *faces: ClosedCurve) -> None:
+        points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in faces]
+        self._on_face = [len(each) for each in points]
+        self._around = _Surroundings(np.concatenate(points))
+
+    def field(self, size: MeshSize) -> SizeField:
+        """Return the field of a size."""
+        wanted = [size.socket_inner] * (len(self._on_face) - 1) + [size.socket_outer]
+        return self._around.spread(np.repeat(wanted, self._on_face), size)
 
 
-def _spread(points: Array, sizes: Array, size: MeshSize) -> SizeField:
-    """Let the size grow away from points on curves, as steeply as allowed and no steeper."""
-    origin = points.min(axis=0) - 2 * GRID_STEP
-    shape = np.ceil((points.max(axis=0) - origin) / GRID_STEP).astype(int) + 3
-    axes = [origin[i] + GRID_STEP * np.arange(shape[i]) for i in (0, 1)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    # Farther away than this, no curve has a say; the tree then returns an infinite distance.
-    reach = (size.largest - sizes.min()) / size.growth
-    distance, nearest_point = cKDTree(points).query(grid, distance_upper_bound=reach)
-    sizes = np.append(sizes, size.largest)
-    values = np.minimum(sizes[nearest_point] + size.growth * distance, size.largest)
-    # The nearest point need not be the one that asks for the smallest size: pass the limit on
-    # from grid point to grid point until nothing changes any more.
-    diagonal = np.sqrt(2.0)
-    steps = [(1, 0, 1.0), (0, 1, 1.0), (1, 1, diagonal), (1, -1, diagonal)]
-    while True:
-        before = values.copy()
-        for i, j, length in steps:
-            a = values[i:, max(j, 0) : values.shape[1] + min(j, 0)]
-            b = values[: values.shape[0] - i, max(-j, 0) : values.shape[1] - max(j, 0)]
-            rise = size.growth * GRID_STEP * length
-            np.minimum(a, b + rise, out=a)
-            np.minimum(b, a + rise, out=b)
-        if np.max(before - values) < 1e-3 * values.min():
-            return SizeField(origin, values)
+class _Surroundings:
+    """A grid around points on curves, and the nearest of these to each of its points."""
+
+    def __init__(self, points: Array) -> None:
+        self._origin = origin = points.min(axis=0) - 2 * GRID_STEP
+        shape = np.ceil((points.max(axis=0) - origin) / GRID_STEP).astype(int) + 3
+        axes = [origin[i] + GRID_STEP * np.arange(shape[i]) for i in (0, 1)]
+        self._grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self._tree = cKDTree(points)
+        self._reach = 0.0  # of what is known of the nearest points
+
+    def spread(self, sizes: Array, size: MeshSize) -> SizeField:
+        """Let the size grow away from the points, as steeply as allowed and no steeper."""
+        # Farther away than this, no curve has a say.
+        reach = (size.largest - sizes.min()) / size.growth
+        if reach > self._reach:
+            self._reach = reach * (1.0 + 1e-9)  # scaled sizes have the same one, but for rounding
+            self._distance, self._nearest = self._tree.query(
+                self._grid, distance_upper_bound=self._reach
+            )
+        sizes = np.append(sizes, size.largest)  # where nothing is near, at an infinite distance
+        values = np.minimum(sizes[self._nearest] + size.growth * self._distance, size.largest)
+        values[self._distance >= reach] = size.largest
+        # The nearest point need not be the one that asks for the smallest size: pass the limit on
+        # from grid point to grid point until nothing changes any more.
+        diagonal = np.sqrt(2.0)
+        steps = [(1, 0, 1.0), (0, 1, 1.0), (1, 1, diagonal), (1, -1, diagonal)]
+        while True:
+            before = values.copy()
+            for i, j, length in steps:
+                a = values[i:, max(j, 0) : values.shape[1] + min(j, 0)]
+                b = values[: values.shape[0] - i, max(-j, 0) : values.shape[1] - max(j, 0)]
+                rise = size.growth * GRID_STEP * length
+                np.minimum(a, b + rise, out=a)
+                np.minimum(b, a + rise, out=b)
+            if np.max(before - values) < 1e-3 * values.min():
+                return SizeField(self._origin, values)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calfsocket.meshes.quality import NODES, Array, scaled_jacobians
 from calfsocket.meshes.triangles import TriangleMesh
@@ -32,13 +33,22 @@ def smooth(mesh: TriangleMesh) -> TriangleMesh:
             for turn in range(3)
         ]
     )
-    turned = turned[free[turned[:, 0]]]
-    turned = turned[np.argsort(turned[:, 0], kind="stable")]
+    rows = np.flatnonzero(free[turned[:, 0]])
+    rows = rows[np.argsort(turned[rows, 0], kind="stable")]
+    turned, cell = turned[rows], rows % len(mesh.cells)
+    poor = np.empty(len(mesh.cells), dtype=bool)
+    changed = np.ones(len(mesh.points), dtype=bool)
     for _ in range(ROUNDS):
-        poor = scaled_jacobians(points[turned], NODES) < POOR
-        active = turned[np.isin(turned[:, 0], turned[poor, 0])]
+        again = changed[mesh.cells].any(axis=1)
+        poor[again] = scaled_jacobians(points[mesh.cells[again]], NODES) < POOR
+        is_poor = np.zeros(len(points), dtype=bool)
+        is_poor[turned[poor[cell], 0]] = True
+        active, before = turned[is_poor[turned[:, 0]]], points.copy()
         for group in _independent(active):
-            _improve(points, active[np.isin(active[:, 0], group)])
+            inside = np.zeros(len(points), dtype=bool)
+            inside[group] = True
+            _improve(points, active[inside[active[:, 0]]])
+        changed = (points != before).any(axis=1)
     return replace(mesh, points=points)
 
 
@@ -55,17 +65,21 @@ def _inside_regions(mesh: TriangleMesh) -> np.ndarray:
     return free
 
 
-def _independent(rows: np.ndarray) -> list[list[int]]:
-    """Sort the first nodes of rows into groups in which no two share a triangle."""
-    neighbours: dict[int, set[int]] = {}
-    for corners in rows[:, :3]:
-        node, *others = map(int, corners)
-        neighbours.setdefault(node, set()).update(others)
-    group_of: dict[int, int] = {}
+def _independent(rows: NDArray[np.int64]) -> list[list[int]]:
+    """Sort the first nodes of rows, which are sorted by them, into groups without a common row."""
+    if not len(rows):
+        return []
+    nodes, first = np.unique(rows[:, 0], return_index=True)
+    others = rows[:, 1:3].ravel().tolist()
+    ends = [*(2 * first[1:]), 2 * len(rows)]
+    group_of = [-1] * (int(rows[:, :3].max()) + 1)
     groups: list[list[int]] = []
-    for node, around in neighbours.items():
-        taken = {group_of[other] for other in around if other in group_of}
-        group = next(number for number in range(len(groups) + 1) if number not in taken)
+    start = 0
+    for node, end in zip(map(int, nodes), ends, strict=True):
+        taken = {group_of[other] for other in others[start:end]}
+        start, group = end, 0
+        while group in taken:
+            group += 1
         if group == len(groups):
             groups.append([])
         groups[group].append(node)

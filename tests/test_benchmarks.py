@@ -1,94 +1,69 @@
 """The benchmarks' own arithmetic; what they measure is not tested but printed."""
 
-import io
 import sys
+from pathlib import Path
 
 import pytest
-from rich.console import Console
 
-from benchmarks import growth, measure, ranks, report, runs, start
+from benchmarks import __main__ as command
+from benchmarks import measures, process
+
+CHECKOUT = Path(measures.__file__).resolve().parents[1]
 
 
-def test_a_process_is_timed_and_its_first_iteration_is_the_studys():
-    program = (
+def program(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    """Let a program stand for `python3 -m calfsocket`."""
+    original = process.subprocess.Popen
+
+    def started(_command, **how):
+        return original([sys.executable, "-u", "-c", text], **how)
+
+    monkeypatch.setattr(process.subprocess, "Popen", started)
+
+
+def test_iterations_are_those_of_the_case_and_end_the_process(monkeypatch):
+    program(
+        monkeypatch,
         "import time\n"
-        "print('  0 SNES Function norm 1', flush=True)\n"
-        "print('  1 SNES Function norm 1', flush=True)\n"  # of the ring
+        "print('  0 SNES Function norm 1')\n"  # of the ring
+        "print('one: mesh and set-up')\n"
+        "print('  0 SNES Function norm 1')\n"
         "time.sleep(0.3)\n"
-        "print('  1 SNES Function norm 1', flush=True)\n"
-        "time.sleep(0.3)\n"
+        "print('  1 SNES Function norm 1')\n"
+        "time.sleep(60)\n",
     )
-    seconds, first, memory = measure.process([sys.executable, "-c", program])
-    assert first is not None
-    assert 0.3 < first < seconds - 0.25
-    assert memory > 1
+    ended = process.run([], CHECKOUT, iterations=2)
+    (first, _), (second, _) = ended.iterations
+    assert 0.25 < second - first < 30
+    assert ended.memory > 1
 
 
-def test_a_process_that_fails_is_reported_with_its_output():
+def test_a_process_that_fails_is_reported_with_its_output(monkeypatch):
+    program(monkeypatch, "import sys; print('why'); sys.exit(3)")
     with pytest.raises(RuntimeError, match="exit code 3\nwhy"):
-        measure.process([sys.executable, "-c", "import sys; sys.stderr.write('why'); sys.exit(3)"])
+        process.run([], CHECKOUT)
 
 
 def test_exponents_are_those_of_the_costs(monkeypatch):
-    import pandas as pd
+    def iterations(_subject, size, n=1):
+        step = 1e-6 * size**1.2
+        return process.Ended(0.0, 0.0, 0.1 * size**0.9, [(i * step, i * step) for i in range(5)])
 
-    from calfsocket.simulation.profile import FACTORISATION, SOLVE, TRIANGULAR
-
-    def study(*options):
-        n = int(options[1])
-        profile = pd.DataFrame(
-            [(SOLVE, FACTORISATION, 10 * 1e-6 * n**1.5), (SOLVE, TRIANGULAR, 10 * 1e-6 * n**1.1)],
-            columns=["level", "what", "seconds"],
-        )
-        case = {
-            "checks": {"cells": n, "unknowns": 9 * n, "newton_iterations": 10, "failed_steps": 0},
-            "seconds": {"mesh": 1e-4 * n, "solve": 10 * (1e-6 * (n**1.5 + n**1.1) + 1e-5 * n)},
-        }
-        return measure.Measured(1.0, 0.5, 0.1 * n**1.2, {"cases": {"one": case}}, profile)
-
-    monkeypatch.setattr(growth, "study", study)
-    exponents = growth.measure(("1000", "10000", "100000"))["exponents"]
-    expected = {
-        "factorisation_s": 1.5,
-        "triangular_solve_s": 1.1,
-        "other_s": 1.0,
-        "mesh_s": 1.0,
-        "memory_MiB": 1.2,
-    }
-    for name, value in expected.items():
-        assert exponents[name] == pytest.approx(value, abs=1e-6), name
+    monkeypatch.setattr(measures, "_iterations", iterations)
+    found = measures.growth(measures.Subject(CHECKOUT))
+    assert found["exponent_of_iteration"] == pytest.approx(1.2)
+    assert found["exponent_of_memory"] == pytest.approx(0.9)
 
 
-def test_tables_show_measured_and_bar():
-    shown = Console(width=200, record=True, file=io.StringIO())
-    shown.print(
-        ranks.table(
-            {
-                "size": "paper",
-                "six_on_1_s": 100.0,
-                "six_on_2_s": 54.0,
-                "six_ratio": 0.54,
-                "one_on_1_s": 20.0,
-                "one_on_2_s": 18.0,
-                "one_ratio": 0.9,
-            }
-        )
-    )
-    times = {"help_s": 0.1, "first_iteration_cold_s": 20.0, "first_iteration_cached_s": 5.0}
-    shown.print(start.table({"size": "paper", "compiled": 16, "compiled_again": 0, **times}))
-    text = shown.export_text()
-    assert "0.54" in text and "0.55" in text and "16 / 0" in text and "20.00" in text
-    assert set(runs.ITERATIONS) == {
-        (socket, name) for socket in ("TC", "TSB", "HS") for name in ("separate", "combined")
-    }
+def test_a_machine_that_is_twice_as_fast_has_the_same_ratios():
+    numbers = {"check_of_four_cases_s": 2.0, "case_paper_MB": 800.0, "exponent": 1.1}
+    baseline = {"numbers": command.in_units({"unit_s": 0.1, "numbers": numbers})}
+    fast = {name: value / 2 if name.endswith("_s") else value for name, value in numbers.items()}
+    rows = command.compared({"unit_s": 0.05, "numbers": fast}, baseline)
+    assert [ratio for *_, ratio in rows] == pytest.approx([1.0, 1.0, 1.0])
+    assert rows[0][:3] == ("check_of_four_cases_s", 1.0, pytest.approx(1.0))
 
 
-def test_processor_time_is_that_of_all_processes_of_a_command():
-    work = "x = 0\nfor i in range(10**7): x += i\n"
-    nested = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {work!r}])"
-    idle = report.timed([sys.executable, "-c", "import time; time.sleep(0.5)"])
-    assert idle["seconds"] > 0.5 > idle["processor_s"]
-    assert report.timed([sys.executable, "-c", nested])["processor_s"] > 0.1
-    shown = io.StringIO()
-    Console(file=shown, width=100).print(report.table({"size": "coarse", "picture": idle}))
-    assert "picture" in shown.getvalue()
+def test_the_page_has_a_place_for_the_table():
+    text = command.PAGE.read_text(encoding="utf-8")
+    assert text.count(command.BEGIN) == text.count(command.END) == 1

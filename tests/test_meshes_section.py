@@ -15,7 +15,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.fenics import read_from_msh
 from calfsocket.meshes import gmsh_model, quality, section, tags
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.sizing import SIZES, limb_field, mesh_size
+from calfsocket.meshes.sizing import SIZES, LimbSizes, mesh_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.meshes.triangles import TriangleMesh
 
@@ -209,7 +209,7 @@ def test_wrong_names_of_files_are_refused(tmp_path: Path, file: str, expected: s
 
 def test_the_size_field_is_as_small_as_asked_and_no_steeper() -> None:
     size = mesh_size("coarse")
-    field = limb_field(LOOPS, LIMB.contact_boundary, size)
+    field = LimbSizes(LOOPS, LIMB.contact_boundary).field(size)
     x, y = (field.origin[i] + 0.25 * np.arange(field.values.shape[i]) for i in (0, 1))
 
     def at(point: tuple[float, float]) -> float:

@@ -1,0 +1,166 @@
+"""What is measured: each function returns numbers by name, whatever checkout it is of.
+
+Names that end in `_s` are processor times, in `_wall_s` wall times, in `_MB` memory; others are
+ratios.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.process import MONITOR, Ended, run
+
+FIRST, SECOND, FOURTH = 2, 3, 5
+"""Lines of the monitor when as many iterations are done: the first line is that of the start."""
+
+ONE = '[study]\nsockets = ["HS"]\nmaterials = ["combined"]\n[model]\nsize = "{size}"\n'
+FOUR = '[study]\nsockets = ["HS", "TC"]\nmaterials = ["combined", "separate"]\n'
+FRICTIONS = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2]
+
+Numbers = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The checkout that is measured, and whether it is to be quick."""
+
+    checkout: Path
+    quick: bool = False
+
+    @contextmanager
+    def study(self, text: str, *words: str) -> Iterator[tuple[list[str], Path]]:
+        """Give the words that run a study file, and where its results go."""
+        with tempfile.TemporaryDirectory() as folder:
+            path, out = Path(folder) / "study.toml", Path(folder) / "results"
+            path.write_text(text, encoding="utf-8")
+            yield ["run", str(path), "--out", str(out), *words], out
+
+    def ended(self, words: list[str], ranks: int = 1, iterations: int | None = None) -> Ended:
+        """Run a command of the checkout."""
+        return run(words, self.checkout, ranks, iterations)
+
+
+def start(subject: Subject) -> Numbers:
+    """Time until something happens, with everything compiled."""
+    with subject.study(FOUR) as (words, _):
+        check = min(subject.ended(["check", words[1]]).processor for _ in range(3))
+    with subject.study(ONE.format(size="coarse"), "--no-pictures", "--no-report", *MONITOR) as (
+        words,
+        _,
+    ):
+        iterations = [subject.ended(words, iterations=FIRST).iterations[-1] for _ in range(3)]
+    return {
+        "help_s": min(subject.ended(["--help"]).processor for _ in range(3)),
+        "check_of_four_cases_s": check,
+        "first_iteration_coarse_s": min(processor for _, processor in iterations),
+    }
+
+
+def mesh(subject: Subject) -> Numbers:
+    """Time of the command that makes a mesh."""
+    sizes = ("coarse", "paper") if subject.quick else ("coarse", "paper", "120000")
+    found = {}
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            out = str(Path(folder) / "hs.msh")
+            ended = subject.ended(["mesh", "--socket", "HS", "--size", size, "--out", out])
+            found[f"mesh_{size}_s"] = ended.processor
+    return found
+
+
+def sweep(subject: Subject) -> Numbers:
+    """Cases of one geometry: a sweep over friction, coarse, without report."""
+    frictions = FRICTIONS[2:5] if subject.quick else FRICTIONS
+    text = ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions}\n"
+    found = {}
+    for what, words in (("", ["--no-pictures"]), ("_with_pictures", [])):
+        with subject.study(text, "--no-report", *words) as (command, _):
+            found[f"sweep_of_{len(frictions)}{what}_s"] = subject.ended(command).processor
+    return found
+
+
+def solution(subject: Subject) -> Numbers:
+    """One case: the solution over its own factorisations and triangular solves, and memory."""
+    found = {}
+    for size in ("coarse",) if subject.quick else ("coarse", "paper"):
+        with subject.study(ONE.format(size=size), "--profile", "--no-pictures", "--no-report") as (
+            words,
+            out,
+        ):
+            ended = subject.ended(words)
+            profile = pd.read_csv(out / "profile.csv").set_index(["level", "what"])
+        seconds, factorised = profile["seconds"], ("solve", "factorisation, numeric")
+        algebra = seconds[factorised] + seconds["solve", "triangular solves"]
+        found[f"case_{size}_s"] = ended.processor
+        found[f"case_{size}_MB"] = ended.memory
+        found[f"solution_over_algebra_{size}"] = float(seconds["phase", "solve"] / algebra)
+        found[f"newton_iterations_{size}"] = float(profile["calls"][factorised])
+    return found
+
+
+def study(subject: Subject) -> Numbers:
+    """The six runs on two ranks, with all that is made of them; their report and a picture alone."""
+    size = "coarse" if subject.quick else "paper"
+    with tempfile.TemporaryDirectory() as folder:
+        out = str(Path(folder) / "results")
+        whole = subject.ended(["--size", size, "--out", out], ranks=2)
+        report, both = (subject.ended(["report", out], n) for n in (1, 2))
+        picture = subject.ended(["picture", f"{out}/HS_separate"])
+    return {
+        f"six_runs_{size}_two_ranks_wall_s": whole.wall,
+        f"report_{size}_s": report.processor,
+        f"report_{size}_two_ranks_wall_s": both.wall,
+        f"picture_{size}_s": picture.processor,
+    }
+
+
+def growth(subject: Subject) -> Numbers:
+    """One Newton iteration and the memory so far, from coarse to far beyond the paper's mesh."""
+    sizes = (7000, 15_000) if subject.quick else (7000, 30_000, 120_000)
+    found: Numbers = {}
+    for size in sizes:
+        ended = _iterations(subject, size)
+        found[f"iteration_{size}_s"] = _one(ended, column=1)
+        found[f"memory_{size}_MB"] = ended.memory
+    for what in ("iteration_{}_s", "memory_{}_MB"):
+        costs = [found[what.format(size)] for size in sizes]
+        slope, _ = np.polyfit(np.log(sizes), np.log(costs), 1)
+        found[f"exponent_of_{what.split('_')[0]}"] = float(slope)
+    return found
+
+
+def ranks(subject: Subject) -> Numbers:
+    """Two ranks against one: cases side by side, and one large case on both; wall times."""
+    frictions = FRICTIONS[2:5] if subject.quick else FRICTIONS[2:]
+    text = ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions * 2}\n"
+    text = text.replace(str(frictions * 2), str([f + d for d in (0.0, 0.01) for f in frictions]))
+    walls = []
+    for n in (1, 2):
+        with subject.study(text, "--no-pictures", "--no-report") as (words, _):
+            walls.append(subject.ended(words, n).wall)
+    size = 15_000 if subject.quick else 120_000
+    one, both = (_one(_iterations(subject, size, n), column=0) for n in (1, 2))
+    return {
+        "throughput_of_two_ranks_over_twice_one": walls[0] / walls[1] / 2,
+        f"iteration_{size}_on_two_ranks_over_one": both / one,
+    }
+
+
+def _iterations(subject: Subject, size: int, n: int = 1) -> Ended:
+    words = ["--no-pictures", "--no-report", "--ranks-per-case", str(n), *MONITOR]
+    with subject.study(ONE.format(size=size), *words) as (command, _):
+        return subject.ended(command, n, iterations=FOURTH)
+
+
+def _one(ended: Ended, column: int) -> float:
+    """Time of an iteration, the mean of those after the first, which analyses the matrix, too."""
+    times = [each[column] for each in ended.iterations]
+    return (times[-1] - times[1]) / (len(times) - 2)
+
+
+SUBJECTS = {each.__name__: each for each in (start, mesh, sweep, solution, study, growth, ranks)}
