@@ -1,6 +1,8 @@
 """gmsh, tamed: one session at a time, one closed edge per loop, plain arrays out."""
 
 import math
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -38,7 +40,8 @@ OPTIONS = {
 @contextmanager
 def session(name: str) -> Iterator[None]:
     """Open gmsh with a new model of this name and close it again, whatever happens in between."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    with _termination_kept():
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         for option, value in OPTIONS.items():
             gmsh.option.setNumber(option, value)
@@ -46,6 +49,15 @@ def session(name: str) -> Iterator[None]:
         yield
     finally:
         gmsh.finalize()
+
+
+@contextmanager
+def _termination_kept() -> Iterator[None]:
+    """Keep what SIGTERM does, which gmsh 4.15 sets back to the default."""
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    if handler is not None and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, handler)
 
 
 def add_loop(curve: ClosedCurve) -> int:

@@ -120,7 +120,7 @@ def _unit(path: Path, document: Drawing) -> tuple[float, str]:
 def _piece(entity: DXFEntity, handle: str, number: int, scale: float) -> Piece:
     """Return an entity as points in mm."""
     place = f"{entity.dxftype()} {handle or f'number {number}'}"
-    layer = entity.dxf.get("layer", "0")
+    layer = entity.dxf.get("layer", "0") if entity.dxf.is_supported("layer") else "0"
     nothing = Piece(place, np.empty((0, 3)), handle, layer=layer)
     if entity.dxftype() not in TYPES:
         return replace(

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,10 @@ def may_mount() -> bool:
     return subprocess.run(["unshare", "--mount", "true"], capture_output=True).returncode == 0
 
 
+#: Installed by pip, it runs without these scripts and Debian's packages.
+pytestmark = pytest.mark.skipif(
+    bool(find_spec("dolfinx_solver")), reason="calfsocket's packages are those of pip"
+)
 needs_mount = pytest.mark.skipif(not may_mount(), reason="pretends another system by a mount")
 
 

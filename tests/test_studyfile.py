@@ -130,10 +130,20 @@ def test_every_remark_of_the_example_can_be_used():
     jsonschema.validate(content, json.loads(document.schema_text()))
 
 
+def _meaning(schema: str) -> object:
+    """Return a schema without what is so by default, which some releases of pydantic write."""
+
+    def without(pairs):
+        return {k: v for k, v in pairs if not (k == "additionalProperties" and v is True)}
+
+    return json.loads(schema, object_pairs_hook=without)
+
+
 def test_the_schema_that_is_shipped_is_that_of_the_models(capsys):
     assert cli.main(["schema"]) == 0
     printed = capsys.readouterr().out
-    assert printed == (STUDIES / document.SCHEMA_FILE).read_text(encoding="utf-8")
+    shipped = (STUDIES / document.SCHEMA_FILE).read_text(encoding="utf-8")
+    assert _meaning(printed) == _meaning(shipped)
     jsonschema.Draft202012Validator.check_schema(json.loads(printed))
 
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 
@@ -199,6 +198,8 @@ def inject(fault: Fault) -> None:
 
 def share_out(owners: tuple[int, int]) -> None:
     """Place the limb on one rank and the socket on another; further ranks get nothing."""
+    from dolfinx.cpp.graph import AdjacencyList_int32
+
     build, parts = section.build, {}
 
     def remember(*words: Any) -> Any:
@@ -209,7 +210,7 @@ def share_out(owners: tuple[int, int]) -> None:
     def by_body(mode: Any) -> Any:
         def partition(comm: MPI.Comm, n: int, cell_types: Any, cells: Any) -> Any:
             rank = np.where(parts["socket"], *owners[::-1]) if comm.rank == 0 else np.empty(0)
-            return dolfinx.cpp.graph.AdjacencyList_int32(rank.astype(np.int32).reshape(-1, 1))
+            return AdjacencyList_int32(rank.astype(np.int32).reshape(-1, 1))
 
         return partition
 

@@ -133,7 +133,9 @@ def _by_vtk(path: Path) -> tuple[Array, np.ndarray]:
     if path.suffix.lower() == ".stl":
         _check_stl(path)
     with vtk_errors():
-        surface = pyvista.get_reader(str(path)).read()
+        reader = pyvista.get_reader(str(path)).reader  # its own `read` may raise what VTK prints
+        reader.Update()
+        surface = pyvista.wrap(reader.GetOutput())
     if not isinstance(surface, pyvista.PolyData):
         raise ValueError("no surface")
     if surface.n_points and surface.faces.size and not surface.is_all_triangles:
