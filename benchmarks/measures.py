@@ -104,7 +104,7 @@ def solution(subject: Subject) -> Numbers:
 
 
 def study(subject: Subject) -> Numbers:
-    """The six runs on two ranks, with all that is made of them; their report and a picture alone."""
+    """Time the six runs with all that is made of them, and their report and a picture alone."""
     size = "coarse" if subject.quick else "paper"
     with tempfile.TemporaryDirectory() as folder:
         out = str(Path(folder) / "results")
