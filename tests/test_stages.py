@@ -146,6 +146,11 @@ def test_stages_need_names_of_their_own_and_sides_need_axes():
         Loading(stages=(stage, stage))
     with pytest.raises(InputError, match="stages"):
         Loading(stages=())
+    with pytest.raises(InputError, match="carried: is 'springs'; it must be"):
+        Loading(stages=(stage,), carried="springs")
+    for moved in (Stage(name="m", displacement={"x": 1.0}), Stage(name="m", rotation=1.0)):
+        with pytest.raises(InputError, match="an outer face loaded evenly deforms"):
+            Loading(stages=(stage, moved), carried="evenly")
     with pytest.raises(InputError, match="lateral: the limb's data do not say"):
         stage.targets(Frame())
     assert stage.targets(Frame("medial", "anterior")).force == {0: -0.2}
