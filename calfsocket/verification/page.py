@@ -41,6 +41,7 @@ SUBJECTS = (
     "contact_patch",
     "hertz",
     "friction",
+    "loaded_ring",
     "fretting",
     "limb",
     "limb_friction",
