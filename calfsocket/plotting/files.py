@@ -15,7 +15,7 @@ from calfsocket.io.files import replacing
 FORMATS = ("png", "svg", "pdf")
 """Of pictures; fields are grids of pixels in all of them, lines and letters can be scaled."""
 
-PNG_LEVEL, WEBP_METHOD, WEBP_EFFORT = 1, 1, 20
+PNG_LEVEL, WEBP_METHOD, WEBP_EFFORT = 1, 1, 0
 """How hard files are packed: the most takes three times as long, and saves a tenth of the size."""
 
 PAGE_PX = 1600
@@ -35,7 +35,7 @@ class PageImage:
         """Scale an image down to `PAGE_PX`."""
         width = min(PAGE_PX, image.width)
         height = round(image.height * width / image.width)
-        small = image.resize((width, height), Image.Resampling.LANCZOS)
+        small = image.resize((width, height), Image.Resampling.HAMMING)
         buffer = io.BytesIO()
         small.save(buffer, format="WEBP", lossless=True, method=WEBP_METHOD, quality=WEBP_EFFORT)
         return cls(buffer.getvalue(), width, height)

@@ -1,5 +1,6 @@
 """The report of a study: tables, figures and page, from its results alone."""
 
+import gc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -92,8 +93,12 @@ def write_report(
         )
     findings = Findings(results, thresholds or DamageThresholds())
     guest = invite(findings) or Guest()
-    drawn = _draw({**figures(findings), **guest.figures}, comm)
-    return on_first_rank(comm, lambda: _write(findings, guest, drawn))
+    gc.freeze()  # what is there is no garbage: to look at it again and again takes a sixth longer
+    try:
+        drawn = _draw({**figures(findings), **guest.figures}, comm)
+        return on_first_rank(comm, lambda: _write(findings, guest, drawn))
+    finally:
+        gc.unfreeze()
 
 
 def _draw(figures: Mapping[str, Draw], comm: MPI.Intracomm) -> dict[str, Drawing]:
