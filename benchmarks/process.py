@@ -1,4 +1,4 @@
-"""A command of calfsocket as a process: wall time, processor time, memory, its Newton iterations."""
+"""A command of calfsocket as a process: times, memory, its Newton iterations."""
 
 import os
 import subprocess
