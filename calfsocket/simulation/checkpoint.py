@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 from pydantic import TypeAdapter
 
+from calfsocket.io import petsc_options
 from calfsocket.io.errors import CalfsocketError, in_one_line
 from calfsocket.io.files import replacing
 from calfsocket.io.versions import versions
@@ -32,7 +33,7 @@ _STEPS = TypeAdapter(tuple[LoadStep, ...])
 
 def conditions() -> dict[str, Any]:
     """Return what numbers depend on besides the inputs."""
-    return {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
+    return {"versions": versions(), "petsc_options": petsc_options.given()}
 
 
 class CheckpointError(CalfsocketError):
