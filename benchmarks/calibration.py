@@ -1,4 +1,4 @@
-"""A piece of work that is no part of calfsocket: by its time, those of two machines compare."""
+"""Work that is no part of calfsocket: its time makes those of two machines comparable."""
 
 import time
 

@@ -1,12 +1,15 @@
 """How good a mesh is: measured on the curved triangles, not on their corners."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.triangles import TriangleMesh
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def shape_gradients(xi: Array) -> Array:
@@ -91,13 +94,15 @@ def smallest_angles(x: Array) -> Array:
 
 def quality_table(
     mesh: TriangleMesh, tissues: Mapping[str, str], area_in_data: Mapping[str, float]
-) -> pd.DataFrame:
+) -> "pd.DataFrame":
     """Return one row a region: what it is, how large, and how good its triangles are.
 
     `tissues` and `area_in_data` are by region, areas in mm^2; columns are `COLUMNS`, rows in the
     order of the regions' tags.
     """
     x = mesh.coordinates
+    import pandas as pd
+
     cells = pd.DataFrame(
         {
             "tag": mesh.cell_tags,
@@ -113,7 +118,7 @@ def quality_table(
     return table[COLUMNS].reset_index(drop=True)
 
 
-def format_table(table: pd.DataFrame) -> str:
+def format_table(table: "pd.DataFrame") -> str:
     """Return the table of `quality_table` as text for people."""
     return table.to_string(
         index=False,

@@ -135,6 +135,26 @@ def mesh_size(name: str) -> MeshSize:
     )
 
 
+def checked_size(size: str | int | MeshSize) -> MeshSize:
+    """Return a mesh size by its name or by a number of triangles.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name, or the number is outside its range.
+    """
+    if isinstance(size, MeshSize):
+        return size
+    if isinstance(size, bool) or not isinstance(size, str | int):
+        raise InputError(
+            f"mesh size: is {size!r}; give coarse, medium or paper, or a number of triangles"
+        )
+    try:
+        return mesh_size(str(size))
+    except InputError as error:
+        raise InputError(f"mesh {error}") from None
+
+
 def named_size(name: str) -> MeshSize:
     """Return the size of this name; a number of triangles is none."""
     if name not in SIZES:

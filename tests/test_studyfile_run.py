@@ -177,6 +177,19 @@ def test_petsc_options_of_the_run_are_its_inputs_too(results, tmp_path):
         known.delValue("calfsocket_snes_max_it")
 
 
+def test_an_option_that_stands_alone_is_text_in_run_json():
+    from petsc4py import PETSc
+
+    from calfsocket.io.petsc_options import given
+
+    known = PETSc.Options()
+    known.setValue("calfsocket_snes_monitor", None)
+    try:
+        assert given()["calfsocket_snes_monitor"] == ""
+    finally:
+        known.delValue("calfsocket_snes_monitor")
+
+
 def test_a_run_of_some_cases_repeats_those(tmp_path):
     """The bare command's choice of cases is in run.json, too."""
     study = Study.paper().changed(chosen=["HS_combined", "TC_separate"])

@@ -26,6 +26,11 @@ DEFAULT_OPTIONS: dict[str, str | int | float] = {
 """The residual's tolerance is in N/mm; any of them can be set as -calfsocket_NAME VALUE."""
 
 
+def given() -> dict[str, str]:
+    """Return the user's options; one that stands alone, such as a monitor, has no text."""
+    return {name: value or "" for name, value in PETSc.Options().getAll().items()}
+
+
 @contextmanager
 def defaults(**changed: str) -> Iterator[None]:
     """Put our defaults, or these, into PETSc's options where the user has set nothing."""

@@ -1,7 +1,6 @@
 """The limb in its socket as a problem: constraints, contact, and what the socket rests on."""
 
 from collections.abc import Callable, Mapping
-from typing import Literal, get_args
 
 from mpi4py import MPI
 
@@ -10,16 +9,11 @@ from calfsocket.contact.interface import ContactInterface, ContactPair
 from calfsocket.contact.parameters import Contact
 from calfsocket.materials.laws import Law
 from calfsocket.mechanics.constraints import Constraint
+from calfsocket.mechanics.donning import Donning, SocketSupport
 from calfsocket.mechanics.foundation import Foundation
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
-
-SocketSupport = Literal["floating", "outer-fixed"]
-SUPPORTS: tuple[SocketSupport, ...] = get_args(SocketSupport)
-
-Donning = Literal["gap", "expanded"]
-DONNINGS: tuple[Donning, ...] = get_args(Donning)
 
 GUIDE_STIFFNESS = 1e-5
 """Foundation in N/mm^3 of a floating socket that does not touch the limb yet; it fades out with the

@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from calfsocket.contact.friction import STATUS_NAMES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RUNNING_MEAN_MM = 3.0
 """Window of the running mean of contact pressure, which drops single spikes."""
@@ -60,12 +63,14 @@ class ContactLine:
         return running_mean(self)
 
     @cached_property
-    def table(self) -> pd.DataFrame:
+    def table(self) -> "pd.DataFrame":
         """One row a point: all arrays as columns."""
+        import pandas as pd
+
         return pd.DataFrame({name: getattr(self, name) for name in COLUMNS})
 
     @classmethod
-    def from_table(cls, table: pd.DataFrame) -> "ContactLine":
+    def from_table(cls, table: "pd.DataFrame") -> "ContactLine":
         """Return the contact that `table` was made of."""
         arrays = {name: table[name].to_numpy() for name in COLUMNS}
         return cls(**{**arrays, "status": arrays["status"].astype(str)})

@@ -17,13 +17,16 @@ common edge's midpoint is the site.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import GAUSS_POINTS, TISSUES, SectionFields
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 UNITS = {
     "effective_stress": "kPa",
@@ -367,7 +370,7 @@ def summary(
     contact: ContactLine,
     levels: Mapping[str, Maximum] | None = None,
     lining: ContactLine | None = None,
-) -> pd.DataFrame:
+) -> "pd.DataFrame":
     """Return the level of every quantity in every tissue, with `SUMMARY_COLUMNS`.
 
     Sites are positions in the reference section; a mean has none. Tissues that the section does
@@ -388,8 +391,10 @@ def summary(
     return summary_table(rows)
 
 
-def summary_table(rows: Iterable[tuple[str, str, str, Maximum]]) -> pd.DataFrame:
+def summary_table(rows: Iterable[tuple[str, str, str, Maximum]]) -> "pd.DataFrame":
     """Return tissue, quantity, unit and level as a table with `SUMMARY_COLUMNS`."""
+    import pandas as pd
+
     return pd.DataFrame(
         [
             {"tissue": tissue, "quantity": quantity, "unit": unit, **vars(level)}

@@ -14,9 +14,9 @@ a share may be above 0 where the maximum does not reach the threshold.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.contact_line import ContactLine
@@ -29,6 +29,9 @@ from calfsocket.postprocess.quantities import (
     Quantities,
     summary_table,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CONTACT_PRESSURE = "contact_pressure"
 THRESHOLD_UNITS = {CONTACT_PRESSURE: "kPa", **MEASURES}
@@ -94,7 +97,7 @@ def share_beyond(quantities: Quantities, contact: ContactLine, threshold: Thresh
 
 def shares_beyond(
     quantities: Quantities, contact: ContactLine, thresholds: Iterable[Threshold]
-) -> pd.DataFrame:
+) -> "pd.DataFrame":
     """Return the share, %, of each tissue beyond its threshold, as rows of the summary.
 
     A tissue that the section does not have is left out.

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 from pydantic import TypeAdapter
 
+from calfsocket.io import petsc_options
 from calfsocket.io.errors import CalfsocketError, in_one_line
 from calfsocket.io.fenics import cell_nodes
 from calfsocket.io.files import replacing
@@ -40,7 +41,7 @@ _STEPS = TypeAdapter(tuple[LoadStep, ...])
 
 def conditions() -> dict[str, Any]:
     """Return what numbers depend on besides the inputs."""
-    return {"versions": versions(), "petsc_options": PETSc.Options().getAll()}
+    return {"versions": versions(), "petsc_options": petsc_options.given()}
 
 
 def _with_arrays(values: Mapping[str, Any]) -> dict[str, Any]:

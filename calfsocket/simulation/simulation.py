@@ -20,22 +20,18 @@ from calfsocket.materials.hencky import Hencky
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
-from calfsocket.mechanics.limb_problem import (
-    DONNINGS,
-    SUPPORTS,
-    Donning,
-    SocketSupport,
-    limb_problem,
-)
+from calfsocket.mechanics.donning import DONNINGS, SUPPORTS, Donning, SocketSupport
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.load_steps import LoadSteps
 from calfsocket.mechanics.loading import Loading, Stage
 from calfsocket.mechanics.stages import StageMilestone, StageStepper
-from calfsocket.mechanics.stepping import LoadStep, LoadStepper, LoadSteps, Milestone
+from calfsocket.mechanics.stepping import LoadStep, LoadStepper, Milestone
 from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Fit, Lining, fitted
 from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.section import section_mesh
-from calfsocket.meshes.sizing import MeshSize, mesh_size
+from calfsocket.meshes.sizing import MeshSize, checked_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.extract import contact_line, section_fields, skin_line
@@ -513,26 +509,6 @@ def check_loading(loading: Loading, limb: Limb, support: SocketSupport) -> None:
             for tissue in stage.tissue_volumes:
                 if tissue not in limb.tissues.values() and tissue in stage.volume:
                     raise InputError(f"volume.{tissue}: the limb has no {tissue}; remove it")
-
-
-def checked_size(size: str | int | MeshSize) -> MeshSize:
-    """Return a mesh size by its name or by a number of triangles.
-
-    Raises
-    ------
-    InputError
-        If there is none of this name, or the number is outside its range.
-    """
-    if isinstance(size, MeshSize):
-        return size
-    if isinstance(size, bool) or not isinstance(size, str | int):
-        raise InputError(
-            f"mesh size: is {size!r}; give coarse, medium or paper, or a number of triangles"
-        )
-    try:
-        return mesh_size(str(size))
-    except InputError as error:
-        raise InputError(f"mesh {error}") from None
 
 
 def check(stepper: LoadStepper) -> Checks:

@@ -5,10 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
-
-from mpi4py import MPI
 
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, misspelt, nearest
@@ -21,12 +19,16 @@ from calfsocket.meshes.placement import Placement, check_placement
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
-from calfsocket.simulation.simulation import Simulation, check_loading
 from calfsocket.study import sweep
 from calfsocket.study.absent import refuse_absent
 from calfsocket.study.document import Document
 from calfsocket.study.files import Files
 from calfsocket.study.sweep import Changes, Labels, Point
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from calfsocket.simulation.simulation import Simulation
 
 MOST_CASES = 1000
 
@@ -80,10 +82,12 @@ class Case:
     @property
     def geometry(self) -> str:
         """What its mesh depends on: cases that share it are solved one after the other."""
-        return self.simulation(MPI.COMM_SELF).geometry
+        return self.simulation().geometry
 
-    def simulation(self, comm: MPI.Intracomm | None = None) -> Simulation:
+    def simulation(self, comm: "MPI.Intracomm | None" = None) -> "Simulation":
         """Return the simulation of the case on a communicator."""
+        from calfsocket.simulation.simulation import Simulation
+
         model = self.document.model
         return Simulation(
             self.limb,
@@ -176,7 +180,7 @@ class Plan:
     @cached_property
     def fingerprints(self) -> dict[str, str]:
         """Fingerprint of the inputs of each case, by its name."""
-        return {case.name: case.simulation(MPI.COMM_SELF).fingerprint for case in self.cases}
+        return {case.name: case.simulation().fingerprint for case in self.cases}
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -403,6 +407,8 @@ class Planner:
             at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
             if document.loading:
+                from calfsocket.simulation.simulation import check_loading
+
                 with error_context(self._path):
                     check_loading(document.loading, limb, document.model.socket_support)
             yield Case(

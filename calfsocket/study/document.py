@@ -14,13 +14,13 @@ from calfsocket.materials.laws import OgdenForm
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import BASE_SETS
 from calfsocket.materials.tissues import FasciaC10
-from calfsocket.mechanics.limb_problem import Donning, SocketSupport
+from calfsocket.mechanics.donning import Donning, SocketSupport
+from calfsocket.mechanics.load_steps import LoadSteps
 from calfsocket.mechanics.loading import Carried, Loading, Stage, check_carried, check_names
-from calfsocket.mechanics.stepping import LoadSteps
+from calfsocket.meshes.sizing import checked_size
 from calfsocket.meshes.socket import SocketTable, reference_sockets
 from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
-from calfsocket.simulation.simulation import checked_size
 from calfsocket.study.materials import LawOrFile, MaterialSetTable
 from calfsocket.study.names import File, Name
 from calfsocket.study.sweep import Sweep

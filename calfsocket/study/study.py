@@ -7,10 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
-
-from mpi4py import MPI
-from rich.console import Console
+from typing import TYPE_CHECKING, Any, Self
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, read_toml
@@ -19,11 +16,14 @@ from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import AnySocket, reference_sockets
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.simulation.record import StudySource, read_run
-from calfsocket.simulation.results import Results, load_results
 from calfsocket.study.cases import Case, Plan, Planner
 from calfsocket.study.files import Files, sha256
-from calfsocket.study.record import results_folder
-from calfsocket.study.runner import Runner
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+    from rich.console import Console
+
+    from calfsocket.simulation.results import Results
 
 log = logging.getLogger(__name__)
 
@@ -171,7 +171,7 @@ class Study:
 
     def run(
         self,
-        comm: MPI.Intracomm | None = None,
+        comm: "MPI.Intracomm | None" = None,
         out: Path | str | None = None,
         *,
         resume: bool = False,
@@ -179,10 +179,10 @@ class Study:
         ranks_per_case: int | None = None,
         pictures: bool = True,
         profile: bool = False,
-        console: Console | None = None,
-        then: Callable[[Results], object] = lambda _: None,
+        console: "Console | None" = None,
+        then: "Callable[[Results], object]" = lambda _: None,
         step_fields: bool = False,
-    ) -> Results:
+    ) -> "Results":
         """Solve the chosen cases side by side and write their results (collective).
 
         A case that fails does not stop the others: its last equilibrium is written, and run.json
@@ -223,6 +223,13 @@ class Study:
         WriteError
             If run.json cannot be written.
         """
+        # What solves takes a second to load, and checking a file does without.
+        from mpi4py import MPI
+
+        from calfsocket.simulation.results import load_results
+        from calfsocket.study.record import results_folder
+        from calfsocket.study.runner import Runner
+
         comm = comm or MPI.COMM_WORLD
         for text in self.plan.warnings if comm.rank == 0 else ():
             log.warning("%s", text)
