@@ -156,7 +156,7 @@ def _smooth(surface: pyvista.PolyData) -> pyvista.PolyData:
     if hasattr(sinc, "SetWindowFunctionToHamming"):
         sinc.SetWindowFunctionToHamming()  # the only one until VTK 9.3; later ones smooth less
     sinc.Update()
-    return pyvista.wrap(sinc.GetOutput())
+    return pyvista.PolyData(sinc.GetOutput())
 
 
 class Face:
