@@ -132,7 +132,7 @@ def test_checks_of_the_run(results):
     assert checks["relative_force_imbalance"] < 1e-6
     assert checks["negative_modes"] == 0
     assert {"mesh", "setup", "solve", "quantities", "files", "picture"} <= case["seconds"].keys()
-    assert run["versions"]["fenics-dolfinx"].startswith("0.9")
+    assert run["versions"]["fenics-dolfinx"].startswith(("0.9", "0.11"))
 
 
 def test_steps_reach_the_full_load(results):

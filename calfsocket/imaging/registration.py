@@ -21,6 +21,7 @@ import pyvista
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from scipy.stats import f as f_distribution
+from vtkmodules.vtkFiltersCore import vtkWindowedSincPolyDataFilter
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array
@@ -145,14 +146,24 @@ class Skin:
         return Skin(self.points[kept], self.axis, self.length)
 
 
+def _smooth(surface: pyvista.PolyData) -> pyvista.PolyData:
+    """Return a surface without its noise; its rim stays where it is."""
+    sinc = vtkWindowedSincPolyDataFilter()
+    sinc.SetInputData(surface)
+    sinc.SetNumberOfIterations(_ROUNDS)
+    sinc.SetPassBand(_PASS_BAND)
+    sinc.BoundarySmoothingOff()
+    if hasattr(sinc, "SetWindowFunctionToHamming"):
+        sinc.SetWindowFunctionToHamming()  # the only one until VTK 9.3; later ones smooth less
+    sinc.Update()
+    return pyvista.PolyData(sinc.GetOutput())
+
+
 class Face:
     """The inner face of a socket as points with normals outward, in the scan's axes."""
 
     def __init__(self, surface: pyvista.PolyData) -> None:
-        smooth = surface.smooth_taubin(
-            n_iter=_ROUNDS, pass_band=_PASS_BAND, boundary_smoothing=False
-        )
-        dense = smooth.subdivide_adaptive(max_edge_len=_SPACING, max_n_passes=6)
+        dense = _smooth(surface).subdivide_adaptive(max_edge_len=_SPACING, max_n_passes=6)
         dense = dense.clean().compute_normals(
             cell_normals=False, consistent_normals=False, split_vertices=False
         )

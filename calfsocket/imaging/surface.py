@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyvista
@@ -135,7 +136,7 @@ def _by_vtk(path: Path) -> tuple[Array, np.ndarray]:
     with vtk_errors():
         reader = pyvista.get_reader(str(path)).reader  # its own `read` may raise what VTK prints
         reader.Update()
-        surface = pyvista.wrap(reader.GetOutput())
+        surface: Any = pyvista.wrap(reader.GetOutput())
     if not isinstance(surface, pyvista.PolyData):
         raise ValueError("no surface")
     if surface.n_points and surface.faces.size and not surface.is_all_triangles:

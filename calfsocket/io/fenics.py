@@ -74,7 +74,7 @@ def evaluate(
         cell, facet = entities.T
         back = mesh.topology.get_facet_permutations()[3 * cell + facet] == 1
         values[back] = values[back, ::-1]
-    return values.reshape(len(entities), -1)
+    return values.reshape(len(values), int(np.prod(values.shape[1:])))  # of a rank without any, too
 
 
 def numbering(
