@@ -1,6 +1,8 @@
 """A simulation with stages of loading, on a tiny limb: resumed, carried, lined, donned wide."""
 
+import json
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,6 +18,8 @@ from calfsocket.mechanics.stepping import LoadStepper
 from calfsocket.meshes.section import section_mesh
 from calfsocket.simulation.simulation import Monitor, Simulation
 from tiny_study import tiny_limb, tiny_socket
+
+RESUMED = Path(__file__).with_name("stages_resumed.py")
 
 TWIST = Stage(name="twist", moment=0.6, steps=3, cycles=1)
 OVER = Stage(name="over", moment=30.0, steps=1)
@@ -80,6 +84,20 @@ def test_a_run_is_resumed_within_its_stages(carried, stage, steps, tmp_path):
         assert again.steps.newton_iterations.tolist() == state.steps.newton_iterations.tolist()
         moved = again.fields.displacement - state.fields.displacement
         assert np.abs(moved).max() < 1e-8
+
+
+@pytest.mark.slow
+def test_stages_may_continue_with_other_ranks(mpirun, tmp_path):
+    path, whole_curve = tmp_path / "checkpoint.npz", whole("evenly").curve
+    with pytest.raises(Stopped):
+        simulation(loading=Loading(stages=STAGES, carried="evenly")).solve(
+            StopAfter("push", 1), path
+        )
+    found = json.loads(mpirun(2, [RESUMED, path, "evenly"], timeout=200))
+    assert found["continued"]
+    assert found["negative_modes"] == [0, 0, 0, 0]
+    expected = whole_curve[["moment_N_mm_per_mm", "rotation_deg", "dissipated_N_mm_per_mm"]]
+    np.testing.assert_allclose(found["curve"], expected, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("carried", ["frame", "evenly"])

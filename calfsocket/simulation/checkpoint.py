@@ -114,11 +114,11 @@ class Checkpoint:
             return
         content = {
             "fingerprint": self._fingerprint,
+            **more,
             "load": milestone.load,
             "load_before": milestone.load_before,
             "next_step": milestone.next_step,
             "steps": [asdict(step) for step in milestone.steps],
-            **more,
         }
         with replacing(self.path) as temporary, temporary.open("wb") as file:
             np.savez(
