@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     description="""\
 Write tables, figures and report.html of a study, from its files alone; a study that is not complete
 gets what it allows. Beside results of the paper's cases stand the paper's own, with a scoreboard of
-its claims.
+its claims. Started with `mpirun -n 2`, two ranks draw the figures.
 """,
 )
 def report(comm: Comm, arguments: Namespace) -> None:
