@@ -13,7 +13,6 @@ from petsc4py import PETSc
 
 from calfsocket.contact import nitsche
 from calfsocket.contact.active_set import ActiveSet
-from calfsocket.contact.friction import OPEN, STICK
 from calfsocket.contact.nitsche import ContactState, SkinPoints
 from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
@@ -176,7 +175,7 @@ class ContactInterface:
             parameters.gauss_points
         )
         self.comm = domain.comm
-        self.active_set = ActiveSet(self.comm)
+        self.active_set = ActiveSet(self.comm, free=parameters.friction == 0.0)
         self._w = w
         self._mesh = domain
         self._entities = self.skin.entities.ravel()
@@ -193,6 +192,7 @@ class ContactInterface:
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
         self.converged_arc = self._earlier_arc = start.arc
+        self.active_set.line_up(start.arc, parameters.gauss_points)
 
     def _sides(
         self,
@@ -335,10 +335,7 @@ class ContactInterface:
         """Take the slip so far as done; tractions stay what they are (collective)."""
         self._earlier_arc = self.converged_arc
         state = self.state()
-        branch = state.traction.branch
-        # Without friction points stick until the first iterations have moved limb and socket.
-        free = self.parameters.friction == 0.0
-        self.active_set.equilibrium = np.where(branch == OPEN, OPEN, STICK) if free else branch
+        self.active_set.equilibrium = state.traction.branch
         self.converged_arc = self.settled_arc(state)
 
     def settled_arc(self, state: ContactState | None = None) -> FloatArray:
