@@ -24,12 +24,15 @@ from calfsocket.verification.newton import (
 )
 from calfsocket.verification.report import LOG, Curve, Draw, curves, order
 
-STARTS = {
+STARTS: dict[bool | str, str] = {
     True: "extrapolation",
     False: "no extrapolation",
     "smooth": "extrapolation where the path is smooth",
 }
 """What `LoadSteps.extrapolate` means, in words."""
+
+IN_SHORT: dict[bool | str, str] = {True: "yes", False: "no", "smooth": "where smooth"}
+"""The same, in a table."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,7 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
             {
                 "case": path.name,
                 "largest step": path.largest,
-                "extrapolated": {True: "yes", False: "no"}.get(path.extrapolated, "where smooth"),
+                "extrapolated": IN_SHORT[path.extrapolated],
                 "steps": end.checks.steps,
                 "Newton": end.checks.newton_iterations,
                 "mean pressure, kPa": mean_pressure(end),
