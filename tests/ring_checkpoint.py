@@ -13,6 +13,7 @@ from ring_model import ring_model
 
 CONTROLS = {
     "with-secant": LoadSteps(first=0.2, largest=0.4, extrapolate=True),
+    "where-smooth": LoadSteps(first=0.1, largest=0.3, extrapolate="smooth"),
     "without": LoadSteps(first=0.5, largest=0.5),
 }
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.active_set import FEW_CHANGES, ActiveSet
+from calfsocket.contact.active_set import FEW_CHANGES, ActiveSet, spread
 from calfsocket.contact.friction import OPEN, SLIP, STICK, branches, coulomb
 from calfsocket.contact.projection import EXTENSION, EdgeChain
 
@@ -92,6 +92,64 @@ def test_only_points_in_contact_take_the_status_of_the_equilibrium(active_set):
     with active_set.iterating(ahead=True):
         held = active_set.branches(array(OPEN, STICK, -SLIP, SLIP))
     np.testing.assert_array_equal(held, [OPEN, STICK, -SLIP, STICK])
+
+
+def test_without_friction_points_stick_until_the_socket_has_moved_with_the_limb():
+    free = ActiveSet(MPI.COMM_SELF, free=True)
+    free.equilibrium = slipping = np.full(3, SLIP)
+    edges = np.zeros(3, dtype=np.int64)
+    with free.iterating(ahead=False):
+        for expected in (STICK, STICK, SLIP):
+            held = free.branches(slipping)
+            np.testing.assert_array_equal(held, np.full(3, expected))
+            free.linearised(held, edges)
+    with free.iterating(ahead=True):
+        np.testing.assert_array_equal(free.branches(slipping), slipping)
+
+
+def test_slip_spreads_as_far_again_from_where_it_was():
+    before = array(0, 2, 2, 1, 1, 1, 1, 1, 1, 1, -2)
+    now = array(0, 2, 2, 2, 2, 1, 1, 1, 1, 1, -2)
+    further = array(0, 2, 2, 2, 2, 2, 2, 1, 1, 1, -2)
+    np.testing.assert_array_equal(spread(before, now, least=2), further)
+    np.testing.assert_array_equal(spread(before[::-1], now[::-1], least=2), further[::-1])
+    turned = [np.where(np.abs(b) == SLIP, -b, b) for b in (before, now, further)]
+    np.testing.assert_array_equal(spread(*turned[:2], least=2), turned[2])
+    np.testing.assert_array_equal(spread(before, now, least=3), now)
+
+
+def test_slip_does_not_spread_over_other_slip_or_points_that_open():
+    before = array(2, 1, 1, 1, 1, 1, 1, 1, -2)
+    now = array(2, 2, 2, 1, 1, -2, -2, -2, -2)
+    np.testing.assert_array_equal(spread(before, now, least=2), now)  # both want the two between
+    now = array(2, 2, 2, 1, 0, 1, 1, 1, -2)
+    np.testing.assert_array_equal(spread(before, now, least=2), array(2, 2, 2, 2, 0, 1, 1, 1, -2))
+
+
+def test_a_zone_that_opens_between_sticking_points_spreads_by_a_fifth_on_each_side():
+    before = np.full(30, STICK)
+    now, further = before.copy(), before.copy()
+    now[10:20], further[8:22] = SLIP, SLIP
+    np.testing.assert_array_equal(spread(before, now, least=4), further)
+
+
+def test_slip_spreads_to_each_point_once_in_a_solve(active_set):
+    place = np.array([3.0, 0.0, 2.0, 1.0, 4.0, 5.0, 6.0, 7.0])  # not in order
+    active_set.line_up(place, least=1)
+    edges = np.zeros(8, dtype=np.int64)
+    before = np.where(place < 1.0, SLIP, STICK)
+    own = np.where(place < 2.0, SLIP, STICK)
+    with active_set.iterating(ahead=False):
+        active_set.linearised(before, edges)
+        held = active_set.branches(own)
+        np.testing.assert_array_equal(held, np.where(place < 3.0, SLIP, STICK))
+        active_set.linearised(held, edges)
+        assert active_set.branches(own).tolist() == own.tolist()  # it was too far
+        active_set.linearised(own, edges)
+        again = np.where(place < 3.0, SLIP, STICK)
+        assert active_set.branches(again)[place == 3.0] == SLIP
+        active_set.linearised(before, edges)
+        assert active_set.branches(own).tolist() == own.tolist()  # not a second time
 
 
 def test_a_point_that_goes_back_to_an_edge_is_known(active_set):

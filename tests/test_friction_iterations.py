@@ -22,13 +22,10 @@ AT_THE_PAPERS_FRICTION = {
 #: Of those; more where slip spreads over half of the skin (docs/theory/contact.md).
 MOST = 1.5
 EXCEPTIONS = {
-    ("HS", "separate", 0.05): 1.8,
-    ("TC", "combined", 0.05): 2.7,
-    ("TC", "separate", 0.05): 2.0,
-    ("TC", "separate", 0.1): 1.8,
-    ("TSB", "separate", 0.0): 1.8,
-    ("TSB", "separate", 0.05): 1.7,
-    ("TSB", "separate", 0.2): 1.7,
+    ("HS", "separate", 0.05): 1.6,
+    ("TC", "combined", 0.05): 1.65,
+    ("TC", "separate", 0.05): 1.8,
+    ("TC", "separate", 0.1): 1.6,
 }
 
 case = cache(one_case)
@@ -50,6 +47,7 @@ def check(socket, material_set, friction):
     ("socket", "material_set", "friction"),
     [
         ("HS", "combined", 0.1),  # 134 and a failed step with points that turn round
+        ("TC", "combined", 0.05),  # 44 where slip spreads half as far in each iteration
         ("TSB", "separate", 0.1),  # 71 with statuses read off the first iteration
         ("TC", "separate", 0.0),  # 93 and two failed steps with points between two edges
     ],

@@ -11,8 +11,12 @@ steps takes each piece for the whole, and can then go to and fro between two of 
 - The first iteration of a step that begins at the last equilibrium turns and bends what later
   ones correct. The error in slip, of second order, is larger than the slip where friction is low,
   so that statuses read off there are noise. If many would differ from those of the last
-  equilibrium, points have the **statuses of the last equilibrium** once more. A start ahead of it,
-  along the secant, has the statuses of the last equilibrium from the beginning.
+  equilibrium, points have the **statuses of the last equilibrium** once more; without friction,
+  they stick once more. A start ahead of it, along the secant, has the statuses of the last
+  equilibrium from the beginning.
+- Slip spreads along the skin from iteration to iteration: where it ends, points that still stick
+  take over what the slipping ones let go, and exceed the limit next, half as many each time. So a
+  zone of slip that grows by some points **spreads as far again at once** (`spread`).
 - A deformed socket has slight kinks between its edges, over which contact traction jumps. A point
   in balance on neither side **stays on the edge** that it has come to, a little beyond its end.
 
@@ -35,11 +39,22 @@ FEW_CHANGES = 0.05
 """Share of the points in contact whose status may change in the first iteration of a step. Steps at
 a friction of 0.4 stay below 0.02; at 0.1 a third of the points would change, to come back later."""
 
+MOST_CHANGES = 0.5
+"""Share of the points in contact up to which changes count as slip that spreads. Where more change
+at once, the socket as a whole has turned."""
+
 
 class ActiveSet:
     """Branches and edges of the skin points of all ranks, while Newton's method iterates.
 
     It changes nothing outside of `iterating`: there every point is on the branch of its own.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+        Communicator of the skin points.
+    free : bool
+        Whether there is no friction.
 
     Attributes
     ----------
@@ -47,9 +62,10 @@ class ActiveSet:
         Branches of the last equilibrium, as of `friction.branches`, for this rank's skin points.
     """
 
-    def __init__(self, comm: MPI.Comm) -> None:
+    def __init__(self, comm: MPI.Comm, free: bool = False) -> None:
         self.equilibrium: IntArray | None = None
-        self._comm = comm
+        self._comm, self._free = comm, free
+        self._order: IntArray | None = None  # of all points along the skin
         self._clear()
         self._ahead = False
 
@@ -58,7 +74,19 @@ class ActiveSet:
         self._branches: IntArray | None = None  # of the last linearisation
         self._edge: IntArray | None = None  # of the last linearisation
         self._left: IntArray | None = None  # the one that each point was on before, or -1
+        self._ahead_of_slip: NDArray[np.bool_] | None = None  # points that slip spreads to now
+        self._spread: NDArray[np.bool_] | None = None  # and those that it did in this solve
         self._holding = self._released = False
+
+    def line_up(self, place: NDArray[np.float64], least: int) -> None:
+        """Tell where this rank's points lie along the skin, so that slip can spread (collective).
+
+        It does where it grows by `least` points, those of an edge: shear is not resolved within.
+        """
+        everywhere = np.concatenate(self._comm.allgather(place))
+        self._order, self._least = np.argsort(everywhere, kind="stable"), least
+        first = self._comm.exscan(len(place)) or 0
+        self._mine = slice(first, first + len(place))
 
     @contextmanager
     def iterating(self, ahead: bool) -> Iterator[None]:
@@ -92,19 +120,40 @@ class ActiveSet:
             return np.where(own == OPEN, OPEN, STICK)
         if self.equilibrium is not None and self._count == (0 if self._ahead else 1):
             both = (own != OPEN) & (self.equilibrium != OPEN)
-            before = np.where(both, self.equilibrium, own)
+            held = STICK if self._free and not self._ahead else self.equilibrium
+            before = np.where(both, held, own)
             if self._ahead or self._many(before != own, own != OPEN):
                 return before
         if self._branches is None:
             return own
         turning = (np.abs(own) == SLIP) & (own == -self._branches)
-        return np.where(turning, STICK, own)
+        now = np.where(turning, STICK, own)
+        if self.equilibrium is not None and not self._ahead:
+            return now  # fronts are not known well enough to go by what they have moved
+        return self._with_spread_slip(self._branches, now)
 
-    def _many(self, changing: NDArray[np.bool_], of: NDArray[np.bool_]) -> bool:
-        """Whether so many points change that their statuses tell nothing yet (collective)."""
+    def _many(
+        self, changing: NDArray[np.bool_], of: NDArray[np.bool_], share: float = FEW_CHANGES
+    ) -> bool:
+        """Whether more than a share of the points change (collective)."""
         mine = np.array([np.count_nonzero(changing), np.count_nonzero(of)])
         changes, points = self._comm.allreduce(mine)
-        return bool(changes > FEW_CHANGES * points)
+        return bool(changes > share * points)
+
+    def _with_spread_slip(self, before: IntArray, now: IntArray) -> IntArray:
+        """Let slip spread ahead, to each point once in a solve (collective)."""
+        self._ahead_of_slip = np.zeros(len(now), dtype=bool)
+        if self._order is None or self._many(before != now, now != OPEN, MOST_CHANGES):
+            return now
+        pair = np.concatenate(self._comm.allgather(np.stack([before, now], axis=1)))
+        along = spread(*pair[self._order].T, self._least)
+        everywhere = np.empty_like(along)
+        everywhere[self._order] = along
+        further = everywhere[self._mine]
+        self._ahead_of_slip = further != now
+        if self._spread is not None:
+            self._ahead_of_slip &= ~self._spread
+        return np.where(self._ahead_of_slip, further, now)
 
     def returning(self, edge: IntArray) -> IntArray:
         """Return the edge that points are on which go back to the one they left; -1 elsewhere."""
@@ -122,6 +171,9 @@ class ActiveSet:
         # Some iterations may pass on one edge before a point goes back.
         self._left = np.where(edge != before, before, left)
         self._branches, self._edge = branches, edge
+        if self._ahead_of_slip is not None:
+            known = self._spread
+            self._spread = self._ahead_of_slip if known is None else known | self._ahead_of_slip
         if self._count == 1 and not self._ahead and self.equilibrium is not None:
             # All points stick there; it is those that slipped until then which may turn round.
             self._branches = self.equilibrium
@@ -132,3 +184,47 @@ class ActiveSet:
         self._released = bool(self._comm.allreduce(self._holding, op=MPI.LOR))
         self._holding = False
         return self._released
+
+
+def spread(before: IntArray, now: IntArray, least: int) -> IntArray:
+    """Return the branches with slip spread further, for points in order along the skin.
+
+    Ahead of the end of a zone of slip, where points stick, the shear exceeds its limit by
+    K / sqrt(r) - B sqrt(r) over the distance r, as ahead of a crack. K vanishes at the end that the
+    zone has in equilibrium; a distance d behind it, K = B d / 2. So points exceed the limit up to
+    r = d / 2, and slip has to go on by as much again. A zone that opens between sticking points,
+    over a length of 2 r, has 2 c = 2 sqrt(2) r in equilibrium if the excess D is a parabola: K = 0
+    where the integral of D / sqrt(c^2 - x^2) over the zone vanishes.
+
+    Parameters
+    ----------
+    before, now : (n,)
+        Branches of the last linearisation, and those that points would be on now.
+    least : int
+        Fewest points by which a zone grows that spreads.
+    """
+    wanted = []
+    for direction in (SLIP, -SLIP):
+        wants = np.zeros(len(now), dtype=bool)
+        sticks = (before == STICK) & (now == STICK)
+        for first, end in _runs((before == STICK) & (now == direction)):
+            slips = [0 <= i < len(now) and before[i] == direction for i in (first - 1, end)]
+            grown = end - first
+            if grown < least or all(slips):
+                continue
+            reach = grown if any(slips) else round(0.5 * (np.sqrt(2.0) - 1.0) * grown)
+            if not slips[0]:
+                low = max(first - reach, 0)
+                wants[low:first] |= np.logical_and.accumulate(sticks[low:first][::-1])[::-1]
+            if not slips[1]:
+                wants[end : end + reach] |= np.logical_and.accumulate(sticks[end : end + reach])
+        wanted.append(wants)
+    forwards, backwards = wanted
+    result = np.where(forwards & ~backwards, SLIP, now)
+    return np.where(backwards & ~forwards, -SLIP, result)
+
+
+def _runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one past the last index of each run of marked ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]])))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]

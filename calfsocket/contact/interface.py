@@ -13,7 +13,6 @@ from petsc4py import PETSc
 
 from calfsocket.contact import nitsche
 from calfsocket.contact.active_set import ActiveSet
-from calfsocket.contact.friction import OPEN, STICK
 from calfsocket.contact.nitsche import ContactState, SkinPoints
 from calfsocket.contact.parameters import Contact
 from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
@@ -177,7 +176,6 @@ class ContactInterface:
             parameters.gauss_points
         )
         self.comm = domain.comm
-        self.active_set = ActiveSet(self.comm)
         self._w = w
         self._mesh = domain
         self._set_up_socket(socket)
@@ -192,7 +190,13 @@ class ContactInterface:
         start = self.chain.project(position, self.socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
-        self.converged_arc = self._earlier_arc = self._initial_arc = start.arc
+        self._initial_arc = start.arc
+        self.converged_arc = self._earlier_arc = self._initial_arc
+        self._begin_active_set()
+
+    def _begin_active_set(self) -> None:
+        self.active_set = ActiveSet(self.comm, free=self.parameters.friction == 0.0)
+        self.active_set.line_up(self._initial_arc, self.parameters.gauss_points)
 
     def restart(self, parameters: Contact) -> None:
         """Go back to load 0 and the undeformed bodies, with other parameters (collective).
@@ -208,7 +212,7 @@ class ContactInterface:
             raise ValueError("contact: other quadrature points need another interface")
         self.parameters = parameters
         self.load = 0.0
-        self.active_set = ActiveSet(self.comm)
+        self._begin_active_set()
         self.converged_arc = self._earlier_arc = self._initial_arc
 
     def _sides(
@@ -352,10 +356,7 @@ class ContactInterface:
         """Take the slip so far as done; tractions stay what they are (collective)."""
         self._earlier_arc = self.converged_arc
         state = self.state()
-        branch = state.traction.branch
-        # Without friction points stick until the first iterations have moved limb and socket.
-        free = self.parameters.friction == 0.0
-        self.active_set.equilibrium = np.where(branch == OPEN, OPEN, STICK) if free else branch
+        self.active_set.equilibrium = state.traction.branch
         self.converged_arc = self.settled_arc(state)
 
     def settled_arc(self, state: ContactState | None = None) -> FloatArray:

@@ -1,6 +1,6 @@
 """Sizes of load steps, as whoever writes a study chooses them."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -28,12 +28,14 @@ class LoadSteps(Strict):
         See `growth`.
     cutback : float
         Factor on the step after a failure, between 0 and 1.
-    extrapolate : bool, optional
-        Start Newton from the secant through the last two states. By default, simulations do so with
-        material sets whose muscle and fascia are combined: nothing buckles there, the path is
-        smooth, and it saves half of the iterations. A separate, stiff fascia waves in the soft
-        muscle, and a start ahead of the friction may end on another branch (TC Separate, coarse:
-        0.5 % less contact pressure).
+    extrapolate : bool or "smooth", optional
+        Start Newton from the secant through the last two states: always, never, or where the path
+        is smooth, so that the secant is expected to miss the end of the step by less than 6 % of
+        it. By default, simulations do so always with material sets whose muscle and fascia are
+        combined: nothing buckles there, and it saves half of the iterations. With others they do so
+        where the path is smooth: a separate, stiff fascia waves in the soft muscle and snaps, and a
+        start ahead of that may end on another branch (TC Separate, coarse: 0.5 % less contact
+        pressure).
 
     Raises
     ------
@@ -47,7 +49,7 @@ class LoadSteps(Strict):
     growth: Annotated[Number, Field(ge=1)] = 1.5
     few_iterations: Annotated[int, Field(strict=True, ge=0)] = 5
     cutback: Annotated[Number, Field(gt=0, lt=1)] = 0.4
-    extrapolate: Annotated[bool, Field(strict=True)] | None = None
+    extrapolate: Annotated[bool, Field(strict=True)] | Literal["smooth"] | None = None
 
     @model_validator(mode="after")
     def _in_order(self) -> "LoadSteps":

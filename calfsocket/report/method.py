@@ -161,4 +161,6 @@ def _text(value: object) -> str:
         return "yes" if value else "no"
     if value is None:  # of `LoadSteps.extrapolate`
         return "as by default"
+    if value == "smooth":
+        return "where the path is smooth"
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -119,6 +119,7 @@ class Checkpoint:
             "load_before": milestone.load_before,
             "next_step": milestone.next_step,
             "steps": [asdict(step) for step in milestone.steps],
+            "bend": milestone.bend,
         }
         with replacing(self.path) as temporary, temporary.open("wb") as file:
             np.savez(
@@ -195,6 +196,7 @@ class Checkpoint:
             unknowns_before=self._vector(arrays["unknowns_before"], carried[1]),
             converged_arc=self._on_skin(arrays["converged_arc"]),
             steps=_STEPS.validate_python(content["steps"]),
+            bend=content["bend"],
         )
 
     def _read(self) -> tuple[dict[str, Any], Arrays]:

@@ -152,8 +152,8 @@ class Simulation:
         self.support = support
         self.steps = steps or LoadSteps()
         if self.steps.extrapolate is None:
-            combined = materials.base == "combined"
-            self.steps = self.steps.model_copy(update={"extrapolate": combined})
+            smooth = True if materials.base == "combined" else "smooth"
+            self.steps = self.steps.model_copy(update={"extrapolate": smooth})
         self.donning = donning
         if donning == "expanded":
             self.steps = expanded_steps(self.steps)

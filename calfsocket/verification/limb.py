@@ -14,6 +14,7 @@ from calfsocket.simulation.results import Results
 from calfsocket.verification import limb_convergence as convergence
 from calfsocket.verification.energy import energy_error
 from calfsocket.verification.limb_path import (
+    STARTS,
     LimbPath,
     energy_figure,
     energy_table,
@@ -161,7 +162,7 @@ def _other_branches(paths: Sequence[LimbPath], references: Mapping[str, LimbPath
     for path in paths:
         change = _pressure_change(path, references)
         if abs(change) > SAME_END_PCT:
-            start = "extrapolation" if path.extrapolated else "no extrapolation"
+            start = STARTS[path.extrapolated]
             distance = largest_distance(path.end, references[path.name].end)
             yield (
                 f"{path.name} with steps of {path.largest:g} and {start} ends with {change:+.2f} % "

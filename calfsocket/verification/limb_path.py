@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,16 @@ from calfsocket.verification.newton import (
 )
 from calfsocket.verification.report import LOG, Curve, Draw, curves, order
 
+STARTS: dict[bool | str, str] = {
+    True: "extrapolation",
+    False: "no extrapolation",
+    "smooth": "extrapolation where the path is smooth",
+}
+"""What `LoadSteps.extrapolate` means, in words."""
+
+IN_SHORT: dict[bool | str, str] = {True: "yes", False: "no", "smooth": "where smooth"}
+"""The same, in a table."""
+
 
 @dataclass(frozen=True)
 class LimbPath:
@@ -30,7 +41,7 @@ class LimbPath:
 
     largest: float  #: largest load step allowed
     as_the_study: bool  #: whether steps were extrapolated where the study does so, and only there
-    extrapolated: bool  #: whether each step began from the secant through the last two states
+    extrapolated: Literal["smooth"] | bool  #: as of `LoadSteps.extrapolate`
     steps: tuple[LoadStep, ...]  #: failed ones too
     solves: list[Solve]  #: Newton's iterates of each step
     energy: pd.DataFrame  #: work of the shrink fit and where it went, by load step
@@ -56,7 +67,9 @@ def follow(
     with recording() as solves:
         case, section, laws = one_case(socket, material_set, size)
         problem = limb_problem(section, laws, case.contact, case.support)
-        extrapolated = as_the_study == bool(case.steps.extrapolate)
+        extrapolated = case.steps.extrapolate or False
+        if not as_the_study:
+            extrapolated = extrapolated is not True
         first = min(largest, case.steps.first)
         steps = case.steps.model_copy(
             update={"first": first, "largest": largest, "extrapolate": extrapolated}
@@ -103,7 +116,7 @@ def path_table(paths: Sequence[LimbPath], references: Mapping[str, LimbPath]) ->
             {
                 "case": path.name,
                 "largest step": path.largest,
-                "extrapolated": "yes" if path.extrapolated else "no",
+                "extrapolated": IN_SHORT[path.extrapolated],
                 "steps": end.checks.steps,
                 "Newton": end.checks.newton_iterations,
                 "mean pressure, kPa": mean_pressure(end),
