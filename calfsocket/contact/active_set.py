@@ -150,10 +150,11 @@ class ActiveSet:
         everywhere = np.empty_like(along)
         everywhere[self._order] = along
         further = everywhere[self._mine]
-        self._ahead_of_slip = further != now
+        newly = further != now
         if self._spread is not None:
-            self._ahead_of_slip &= ~self._spread
-        return np.where(self._ahead_of_slip, further, now)
+            newly &= ~self._spread
+        self._ahead_of_slip = newly
+        return np.where(newly, further, now)
 
     def returning(self, edge: IntArray) -> IntArray:
         """Return the edge that points are on which go back to the one they left; -1 elsewhere."""
