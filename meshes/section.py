@@ -66,10 +66,11 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
     section = _Section(limb, socket)
-    size, unsmoothed = section.mesh(size)
-    mesh = smooth(unsmoothed)
+    if size.triangles is not None:
+        size, _ = section.mesh(size)
     with gmsh_model.session("section"), tempfile.TemporaryDirectory(dir=path.parent) as folder:
         section.generate(size)
+        mesh = smooth(gmsh_model.extract())
         gmsh_model.move_nodes(mesh.points)
         unfinished = Path(folder) / path.name
         gmsh.write(str(unfinished))
