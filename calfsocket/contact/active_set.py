@@ -51,7 +51,7 @@ class ActiveSet:
 
     Parameters
     ----------
-    comm : MPI.Comm
+    comm : MPI.Intracomm
         Communicator of the skin points.
     free : bool
         Whether there is no friction.
@@ -62,7 +62,7 @@ class ActiveSet:
         Branches of the last equilibrium, as of `friction.branches`, for this rank's skin points.
     """
 
-    def __init__(self, comm: MPI.Comm, free: bool = False) -> None:
+    def __init__(self, comm: MPI.Intracomm, free: bool = False) -> None:
         self.equilibrium: IntArray | None = None
         self._comm, self._free = comm, free
         self._order: IntArray | None = None  # of all points along the skin
@@ -146,7 +146,8 @@ class ActiveSet:
         if self._order is None or self._many(before != now, now != OPEN, MOST_CHANGES):
             return now
         pair = np.concatenate(self._comm.allgather(np.stack([before, now], axis=1)))
-        along = spread(*pair[self._order].T, self._least)
+        branches_before, branches_now = pair[self._order].T
+        along = spread(branches_before, branches_now, self._least)
         everywhere = np.empty_like(along)
         everywhere[self._order] = along
         further = everywhere[self._mine]
