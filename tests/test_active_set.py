@@ -160,7 +160,23 @@ def test_a_point_that_goes_back_to_an_edge_is_known(active_set):
         active_set.linearised(branch, array(5, 5, 7))
         np.testing.assert_array_equal(active_set.returning(array(4, 5, 8)), [5, -1, -1])
         np.testing.assert_array_equal(active_set.returning(array(5, 4, 6)), [-1, -1, 7])
+    active_set.leave()
     np.testing.assert_array_equal(active_set.returning(array(5, 4, 6)), [-1, -1, -1])
+
+
+def test_an_equilibrium_is_seen_on_the_edges_that_it_was_found_with(active_set):
+    first, other = array(4, 7), array(5, 7)
+    nowhere = array(-1, -1)
+    with active_set.iterating(ahead=False):
+        for edge in (first, other):
+            assert active_set.returning(edge).tolist() == nowhere.tolist()
+            active_set.linearised(array(SLIP, SLIP), edge)
+        assert active_set.returning(first).tolist() == [5, -1]
+    assert active_set.returning(first).tolist() == [5, -1]
+    active_set.leave()
+    assert active_set.returning(first).tolist() == nowhere.tolist()
+    with active_set.iterating(ahead=False):
+        assert active_set.returning(first).tolist() == nowhere.tolist()
 
 
 def test_a_point_stays_a_little_beyond_the_end_of_its_edge():

@@ -47,7 +47,9 @@ at once, the socket as a whole has turned."""
 class ActiveSet:
     """Branches and edges of the skin points of all ranks, while Newton's method iterates.
 
-    It changes nothing outside of `iterating`: there every point is on the branch of its own.
+    Outside of `iterating` every point is on the branch of its own. Those that the equilibrium was
+    found with on the edge that they had come to are still on it, until they `leave`: on the other
+    one they would be out of balance.
 
     Parameters
     ----------
@@ -76,6 +78,7 @@ class ActiveSet:
         self._left: IntArray | None = None  # the one that each point was on before, or -1
         self._ahead_of_slip: NDArray[np.bool_] | None = None  # points that slip spreads to now
         self._spread: NDArray[np.bool_] | None = None  # and those that it did in this solve
+        self._stay: IntArray | None = None  # edges of points that go back to the one they left
         self._holding = self._released = False
 
     def line_up(self, place: NDArray[np.float64], least: int) -> None:
@@ -99,7 +102,9 @@ class ActiveSet:
         try:
             yield
         finally:
+            stay = self._stay
             self._clear()
+            self._stay = stay
 
     @property
     def is_iterating(self) -> bool:
@@ -159,9 +164,13 @@ class ActiveSet:
 
     def returning(self, edge: IntArray) -> IntArray:
         """Return the edge that points are on which go back to the one they left; -1 elsewhere."""
-        if self._edge is None:
-            return np.full(len(edge), -1)
-        return np.where((edge == self._left) & (edge != self._edge), self._edge, -1)
+        if self._edge is not None:
+            self._stay = np.where((edge == self._left) & (edge != self._edge), self._edge, -1)
+        return np.full(len(edge), -1) if self._stay is None else self._stay
+
+    def leave(self) -> None:
+        """Let points leave the edges on which the last equilibrium was found."""
+        self._stay = None
 
     def linearised(self, branches: IntArray, edge: IntArray) -> None:
         """Take note of what the tangent was computed with."""

@@ -355,6 +355,7 @@ class ContactInterface:
     def accept(self) -> None:
         """Take the slip so far as done; tractions stay what they are (collective)."""
         self._earlier_arc = self.converged_arc
+        self.active_set.leave()  # so that it does not matter whether the run was interrupted here
         state = self.state()
         self.active_set.equilibrium = state.traction.branch
         self.converged_arc = self.settled_arc(state)

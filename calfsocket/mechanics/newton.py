@@ -153,6 +153,8 @@ class Newton:
         else:
             with self._active_set.iterating(ahead):
                 result = self._attempt(self._first)
+            if not result.converged:
+                self._active_set.leave()
         if result.converged or self._searching is self._first or not self.searches:
             return result
         start.copy(self.x)
