@@ -34,6 +34,11 @@ def chosen(families: Sequence[int], takers: Sequence[int], last: int | None) -> 
     return next(case for case in free if families[case] == family)
 
 
+def number_of_groups(ranks: int, n_cases: int, ranks_per_case: int | None) -> int:
+    """Return how many groups solve cases side by side; parameters as of `Scheduler`."""
+    return min(ranks, n_cases) if ranks_per_case is None else max(ranks // ranks_per_case, 1)
+
+
 class Scheduler:
     """Splits a communicator into groups of ranks and hands out case numbers.
 
@@ -69,12 +74,11 @@ class Scheduler:
         self._families = list(families)
         n_cases = len(families)
         self._on_report = on_report
+        self.n_groups = number_of_groups(comm.size, n_cases, ranks_per_case)
         if ranks_per_case is None:
-            self.n_groups = min(comm.size, n_cases)
             colour = comm.rank * self.n_groups // comm.size
         else:
             # Ranks that do not make a whole group join the last one.
-            self.n_groups = max(comm.size // ranks_per_case, 1)
             colour = min(comm.rank // ranks_per_case, self.n_groups - 1)
         self.group = MPI.Intracomm(comm.Split(colour, comm.rank))
         self._agreement = MPI.Intracomm(self.group.Dup())  # apart from what a case may leave behind

@@ -23,7 +23,7 @@ from calfsocket.io.tables import merge_csv
 from calfsocket.mechanics.stepping import LoadStep, Milestone
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.parallel.progress import Event, Reporter
-from calfsocket.parallel.scheduler import Scheduler
+from calfsocket.parallel.scheduler import Scheduler, number_of_groups
 from calfsocket.postprocess.series import remove_steps
 from calfsocket.postprocess.thresholds import shares_beyond
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
@@ -113,7 +113,7 @@ class Runner:
 
         with reporter or nullcontext():
             precompile(self.comm, [case.materials for case in cases])
-            if self.comm.size > 1:
+            if number_of_groups(self.comm.size, len(cases), self.ranks_per_case) > 1:
                 cases = longest_first(cases)
             families = numbered([case.geometry for case in cases])
             scheduler = Scheduler(self.comm, families, self.ranks_per_case, on_report)
