@@ -13,7 +13,6 @@ import pyvista
 from calfsocket import cli
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import occupied
-from calfsocket.study import study
 from calfsocket.study.runner import Runner, longest_first
 from calfsocket.study.study import Study
 
@@ -51,7 +50,7 @@ def test_the_folder_is_kept_until_the_report_is_written(tmp_path, monkeypatch):
     """Another run would replace what the report is made of."""
     solved = SimpleNamespace(folder=tmp_path, write_maps=lambda _: [])
     monkeypatch.setattr(Runner, "run", lambda *_: True)
-    monkeypatch.setattr(study, "load_results", lambda *_: solved)
+    monkeypatch.setattr("calfsocket.simulation.results.load_results", lambda *_: solved)
     made = []
 
     def report(results):

@@ -421,7 +421,7 @@ def test_names_reach_into_lists(plan):
 
 
 def test_check_lists_cases_and_solves_nothing(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("calfsocket.study.study.Runner", lambda *_: pytest.fail("solved"))
+    monkeypatch.setattr("calfsocket.study.runner.Runner", lambda *_: pytest.fail("solved"))
     path = tmp_path / "study.toml"
     path.write_text(BASE)
     assert cli.main(["check", str(path)]) == 0

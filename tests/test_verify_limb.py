@@ -14,7 +14,6 @@ from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.rings import ring_mesh
-from calfsocket.study import study
 from calfsocket.study.runner import Runner
 from calfsocket.verification import limb_runs
 from calfsocket.verification.energy import EnergyMeter, energy_error, trapezoid_error
@@ -190,7 +189,7 @@ def test_results_of_other_inputs_are_refused(tmp_path, monkeypatch):
     solved = []
     monkeypatch.setattr(Runner, "run", lambda runner, resume: solved.append((runner.out, resume)))
     found = SimpleNamespace(write_maps=lambda pictures: None)
-    monkeypatch.setattr(study, "load_results", lambda folder: found)
+    monkeypatch.setattr("calfsocket.simulation.results.load_results", lambda *_: found)
     assert limb_runs.solved_study(tmp_path, "coarse", ["combined"]) is found
     assert solved == [(tmp_path, True)]
 
