@@ -59,7 +59,12 @@ def run(
     begun = False
     start = time.perf_counter()
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+        cwd=checkout,  # where `python3 -m` looks first
     )
     assert process.stdout is not None
     for line in process.stdout:
