@@ -88,8 +88,8 @@ def compared(
 
 def _cells(row: tuple[str, float, float | None, float | None]) -> list[str]:
     name, *values = row
-    words = name.replace("_wall_s", ", wall, s").replace("_MB", ", MB")
-    words = words.removesuffix("_s") + (", s" if name.endswith("_s") else "")
+    words = name.removesuffix("_s").replace("_wall", ", wall").replace("_MB", ", MB")
+    words += ", s" if name.endswith("_s") else ""
     return [words.replace("_", " "), *("" if v is None else f"{v:.3g}" for v in values)]
 
 
