@@ -15,7 +15,7 @@ import pandas as pd
 
 from benchmarks.process import MONITOR, Ended, run
 
-FIRST, SECOND, FOURTH = 2, 3, 5
+FIRST, FOURTH = 2, 5
 """Lines of the monitor when as many iterations are done: the first line is that of the start."""
 
 ONE = '[study]\nsockets = ["HS"]\nmaterials = ["combined"]\n[model]\nsize = "{size}"\n'
@@ -137,8 +137,8 @@ def growth(subject: Subject) -> Numbers:
 def ranks(subject: Subject) -> Numbers:
     """Two ranks against one: cases side by side, and one large case on both; wall times."""
     frictions = FRICTIONS[2:5] if subject.quick else FRICTIONS[2:]
-    text = ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions * 2}\n"
-    text = text.replace(str(frictions * 2), str([f + d for d in (0.0, 0.01) for f in frictions]))
+    frictions = [f + more for more in (0.0, 0.01) for f in frictions]
+    text = ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions}\n"
     walls = []
     for n in (1, 2):
         with subject.study(text, "--no-pictures", "--no-report") as (words, _):
