@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.active_set import FEW_CHANGES, ActiveSet, spread
+from calfsocket.contact.active_set import FEW_CHANGES, ActiveSet, retreat, spread
 from calfsocket.contact.friction import OPEN, SLIP, STICK, branches, coulomb
 from calfsocket.contact.projection import EXTENSION, EdgeChain
 
@@ -150,6 +150,57 @@ def test_slip_spreads_to_each_point_once_in_a_solve(active_set):
         assert active_set.branches(again)[place == 3.0] == SLIP
         active_set.linearised(before, edges)
         assert active_set.branches(own).tolist() == own.tolist()  # not a second time
+
+
+def zone(first, end, direction=SLIP, points=100):
+    found = np.full(points, STICK)
+    found[first:end] = direction
+    return found
+
+
+@pytest.mark.parametrize("direction", [SLIP, -SLIP])
+def test_slip_retreats_by_two_thirds_of_what_turns_round(direction):
+    before = zone(20, 80, direction)
+    # A little, at one end or at both; of more, somewhat less than two thirds: 3 c^2 = 2 x0^2 + b^2.
+    for now, further in [
+        ((20, 74), (20, 76)),
+        ((26, 80), (24, 80)),
+        ((26, 74), (24, 76)),
+        ((30, 70), (26, 74)),
+    ]:
+        found = retreat(before, zone(*now, direction), least=4)
+        np.testing.assert_array_equal(found, zone(*further, direction))
+
+
+def test_slip_does_not_retreat_less_within_an_edge_where_it_ends_or_beside_what_opens():
+    before = zone(20, 80)
+    for now in (zone(20, 77), zone(0, 0), before):
+        np.testing.assert_array_equal(retreat(before, now, least=4), now)
+    now = zone(20, 70)
+    now[75] = OPEN
+    np.testing.assert_array_equal(retreat(before, now, least=4), now)
+
+
+def test_slip_retreats_less_from_an_equilibrium_alone(active_set):
+    active_set.line_up(np.arange(100.0), least=4)
+    edges = np.zeros(100, dtype=np.int64)
+    active_set.equilibrium = before = zone(20, 80)
+    for ahead, further in ((True, zone(24, 80)), (False, zone(26, 80))):
+        with active_set.iterating(ahead):
+            active_set.linearised(before, edges)
+            active_set.linearised(before, edges)
+            np.testing.assert_array_equal(active_set.branches(zone(26, 80)), further)
+
+
+def test_iterations_in_which_a_tenth_of_the_points_change_are_counted(active_set):
+    edges = np.zeros(100, dtype=np.int64)
+    active_set.equilibrium = zone(0, 0)
+    with active_set.iterating(ahead=False):
+        for end in (0, 11, 21, 32):  # by 11, 10 and 11 of them
+            active_set.linearised(zone(0, end), edges)
+    assert active_set.unsettled == 2
+    with active_set.iterating(ahead=False):
+        assert active_set.unsettled == 0
 
 
 def test_a_point_that_goes_back_to_an_edge_is_known(active_set):

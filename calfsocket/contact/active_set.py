@@ -17,6 +17,8 @@ steps takes each piece for the whole, and can then go to and fro between two of 
 - Slip spreads along the skin from iteration to iteration: where it ends, points that still stick
   take over what the slipping ones let go, and exceed the limit next, half as many each time. So a
   zone of slip that grows by some points **spreads as far again at once** (`spread`).
+- Where a zone of slip becomes shorter than it was in the last equilibrium, the slip of too many
+  points turns round: a third of those by which it **retreats keep slipping** (`retreat`).
 - A deformed socket has slight kinks between its edges, over which contact traction jumps. A point
   in balance on neither side **stays on the edge** that it has come to, a little beyond its end.
 
@@ -43,6 +45,10 @@ MOST_CHANGES = 0.5
 """Share of the points in contact up to which changes count as slip that spreads. Where more change
 at once, the socket as a whole has turned."""
 
+SETTLED = 0.1
+"""Share of the points in contact that may change their branch in an iteration which counts as one
+of tissues rather than of contact."""
+
 
 class ActiveSet:
     """Branches and edges of the skin points of all ranks, while Newton's method iterates.
@@ -62,6 +68,8 @@ class ActiveSet:
     ----------
     equilibrium : (n,) or None
         Branches of the last equilibrium, as of `friction.branches`, for this rank's skin points.
+    unsettled : int
+        Iterations of the last solve that began with more points on another branch than `SETTLED`.
     """
 
     def __init__(self, comm: MPI.Intracomm, free: bool = False) -> None:
@@ -70,6 +78,7 @@ class ActiveSet:
         self._order: IntArray | None = None  # of all points along the skin
         self._clear()
         self._ahead = False
+        self.unsettled = 0
 
     def _clear(self) -> None:
         self._count: int | None = None  # of the linearisations in this solve
@@ -98,7 +107,7 @@ class ActiveSet:
         It begins at the last equilibrium, or `ahead` of it.
         """
         self._clear()
-        self._count, self._ahead = 0, ahead
+        self._count, self._ahead, self.unsettled = 0, ahead, 0
         try:
             yield
         finally:
@@ -146,13 +155,15 @@ class ActiveSet:
         return bool(changes > share * points)
 
     def _with_spread_slip(self, before: IntArray, now: IntArray) -> IntArray:
-        """Let slip spread ahead, to each point once in a solve (collective)."""
+        """Let slip spread ahead or retreat less, each point once in a solve (collective)."""
         self._ahead_of_slip = np.zeros(len(now), dtype=bool)
         if self._order is None or self._many(before != now, now != OPEN, MOST_CHANGES):
             return now
         pair = np.concatenate(self._comm.allgather(np.stack([before, now], axis=1)))
         branches_before, branches_now = pair[self._order].T
         along = spread(branches_before, branches_now, self._least)
+        if self._ahead:  # of an equilibrium, in which zones of slip have their ends
+            along = retreat(branches_before, along, self._least)
         everywhere = np.empty_like(along)
         everywhere[self._order] = along
         further = everywhere[self._mine]
@@ -177,6 +188,8 @@ class ActiveSet:
         if self._count is None:
             return
         self._count += 1
+        if self._branches is not None:
+            self.unsettled += self._many(branches != self._branches, branches != OPEN, SETTLED)
         before = edge if self._edge is None else self._edge
         left = np.full(len(edge), -1) if self._left is None else self._left
         # Some iterations may pass on one edge before a point goes back.
@@ -233,6 +246,40 @@ def spread(before: IntArray, now: IntArray, least: int) -> IntArray:
     forwards, backwards = wanted
     result = np.where(forwards & ~backwards, SLIP, now)
     return np.where(backwards & ~forwards, -SLIP, result)
+
+
+def retreat(before: IntArray, now: IntArray, least: int) -> IntArray:
+    """Return the branches with slip kept where it retreats too far, for points along the skin.
+
+    Let the excess of shear over a zone from -b to b have become a parabola that keeps the part from
+    -c to c slipping. If all of it went on, its slip would be a multiple of
+
+        sqrt(b^2 - x^2) (b^2 - x^2 - 3/2 (b^2 - c^2)),
+
+    which turns round beyond x0, 3 c^2 = 2 x0^2 + b^2: where a zone becomes a little shorter, at
+    half as many points again as will stick.
+
+    Parameters
+    ----------
+    before, now, least
+        As of `spread`.
+    """
+    result = now.copy()
+    for direction in (SLIP, -SLIP):
+        for first, end in _runs(before == direction):
+            rest = first + np.flatnonzero(now[first:end] == direction)
+            if not len(rest):
+                continue  # all of it has turned round: there is no telling how much will slip
+            low, high = int(rest[0]), int(rest[-1]) + 1
+            left = low - first if np.all(now[first:low] == STICK) else 0
+            right = end - high if np.all(now[high:end] == STICK) else 0
+            if left + right < least:
+                continue
+            whole, kept = end - first, high - low
+            back = (whole - np.sqrt((2.0 * kept**2 + whole**2) / 3.0)) / (whole - kept)
+            result[first + round(back * left) : low] = direction
+            result[high : end - round(back * right)] = direction
+    return result
 
 
 def _runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -23,7 +23,8 @@ class LoadSteps(Strict):
     smallest : float
         A step that fails at this size ends the run; smallest <= first <= largest.
     growth : float
-        Factor on the step when Newton needed at most `few_iterations`, >= 1.
+        Factor on the step when Newton needed at most `few_iterations`, >= 1; iterations in which a
+        tenth of the contact points begin or cease to slip do not count.
     few_iterations : int
         See `growth`.
     cutback : float

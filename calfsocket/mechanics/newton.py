@@ -54,6 +54,8 @@ class NewtonResult:
         PETSc's name for why it stopped.
     history : tuple of float
         Residual norm before each iteration of the last attempt, and at its end, in N/mm.
+    unsettled : int
+        Of the iterations, those that began with many contact points on another branch than before.
     """
 
     converged: bool
@@ -61,6 +63,7 @@ class NewtonResult:
     residual: float
     reason: str
     history: tuple[float, ...]
+    unsettled: int = 0
 
 
 class Newton:
@@ -153,6 +156,7 @@ class Newton:
         else:
             with self._active_set.iterating(ahead):
                 result = self._attempt(self._first)
+            result = replace(result, unsettled=self._active_set.unsettled)
             if not result.converged:
                 self._active_set.leave()
         if result.converged or self._searching is self._first or not self.searches:

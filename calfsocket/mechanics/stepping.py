@@ -216,7 +216,8 @@ class LoadStepper:
         # A start ahead saves the first iteration. Where the path may cease to be smooth, steps are
         # to be as long as without.
         saved = 1 if extrapolated and control.extrapolate == "smooth" else 0
-        if result.iterations + saved <= control.few_iterations:
+        # Where slip has its ends takes iterations at any length of the step.
+        if result.iterations + saved - result.unsettled <= control.few_iterations:
             return min(control.growth * step, control.largest)
         return step
 
