@@ -4,9 +4,17 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from calfsocket.contact.active_set import FEW_CHANGES, ActiveSet, retreat, spread
+from calfsocket.contact.active_set import (
+    EXTENSION,
+    FARTHER,
+    FARTHEST,
+    FEW_CHANGES,
+    ActiveSet,
+    retreat,
+    spread,
+)
 from calfsocket.contact.friction import OPEN, SLIP, STICK, branches, coulomb
-from calfsocket.contact.projection import EXTENSION, EdgeChain
+from calfsocket.contact.projection import EdgeChain
 
 EDGES = np.zeros(4, dtype=np.int64)
 
@@ -207,12 +215,12 @@ def test_a_point_that_goes_back_to_an_edge_is_known(active_set):
     branch = np.full(3, STICK)
     with active_set.iterating(ahead=False):
         active_set.linearised(branch, array(4, 5, 6))
-        np.testing.assert_array_equal(active_set.returning(array(5, 5, 6)), [-1, -1, -1])
+        np.testing.assert_array_equal(active_set.returning(array(5, 5, 6))[0], [-1, -1, -1])
         active_set.linearised(branch, array(5, 5, 7))
-        np.testing.assert_array_equal(active_set.returning(array(4, 5, 8)), [5, -1, -1])
-        np.testing.assert_array_equal(active_set.returning(array(5, 4, 6)), [-1, -1, 7])
+        np.testing.assert_array_equal(active_set.returning(array(4, 5, 8))[0], [5, -1, -1])
+        np.testing.assert_array_equal(active_set.returning(array(5, 4, 6))[0], [-1, -1, 7])
     active_set.leave()
-    np.testing.assert_array_equal(active_set.returning(array(5, 4, 6)), [-1, -1, -1])
+    np.testing.assert_array_equal(active_set.returning(array(5, 4, 6))[0], [-1, -1, -1])
 
 
 def test_an_equilibrium_is_seen_on_the_edges_that_it_was_found_with(active_set):
@@ -220,14 +228,26 @@ def test_an_equilibrium_is_seen_on_the_edges_that_it_was_found_with(active_set):
     nowhere = array(-1, -1)
     with active_set.iterating(ahead=False):
         for edge in (first, other):
-            assert active_set.returning(edge).tolist() == nowhere.tolist()
+            assert active_set.returning(edge)[0].tolist() == nowhere.tolist()
             active_set.linearised(array(SLIP, SLIP), edge)
-        assert active_set.returning(first).tolist() == [5, -1]
-    assert active_set.returning(first).tolist() == [5, -1]
+        assert active_set.returning(first)[0].tolist() == [5, -1]
+    assert active_set.returning(first)[0].tolist() == [5, -1]
     active_set.leave()
-    assert active_set.returning(first).tolist() == nowhere.tolist()
+    assert active_set.returning(first)[0].tolist() == nowhere.tolist()
     with active_set.iterating(ahead=False):
-        assert active_set.returning(first).tolist() == nowhere.tolist()
+        assert active_set.returning(first)[0].tolist() == nowhere.tolist()
+
+
+def test_a_point_that_goes_on_returning_may_stay_farther_beyond_the_end(active_set):
+    branch = np.full(2, STICK)
+    found = []
+    with active_set.iterating(ahead=False):
+        for k in range(7):
+            active_set.linearised(branch, array(4 + k % 2, 6))
+            found.append(active_set.returning(array(5 - k % 2, 6))[1])
+    expected = np.minimum(EXTENSION * FARTHER ** np.array([0, 0, 1, 2, 3, 4, 5]), FARTHEST)
+    np.testing.assert_allclose(np.array(found)[:, 0], expected)
+    np.testing.assert_allclose(np.array(found)[:, 1], EXTENSION)
 
 
 def test_a_point_stays_a_little_beyond_the_end_of_its_edge():
@@ -235,13 +255,15 @@ def test_a_point_stays_a_little_beyond_the_end_of_its_edge():
     vertices = np.array([[-2.0, 0.0], [0.0, 0.0], [2.0, 0.2]])[::-1]
     ends = vertices[:-1], vertices[1:]
     chain = EdgeChain.from_edges(np.stack([*ends, 0.5 * (ends[0] + ends[1])], axis=1))
-    beyond = EXTENSION * np.array([0.5, 2.0])  # half an edge is 1 mm
+    extension = np.array([1e-3, 1e-3, 3e-3])
+    beyond = np.array([5e-4, 2e-3, 2e-3])  # half an edge is 1 mm
     points = np.stack([beyond, 0.1 * beyond], axis=1)
     still = np.zeros((2, 3, 2))
     at = chain.project(points, still)
-    np.testing.assert_array_equal(at.edge, [0, 0])
-    other = chain.stay(at, points, still, array(1, 1))
-    np.testing.assert_array_equal(other.edge, [1, 0])
-    np.testing.assert_allclose(other.point, [[beyond[0], 0.0], at.point[1]], atol=1e-12)
+    np.testing.assert_array_equal(at.edge, [0, 0, 0])
+    other = chain.stay(at, points, still, array(1, 1, 1), extension)
+    np.testing.assert_array_equal(other.edge, [1, 0, 1])
+    there = [[beyond[0], 0.0], at.point[1], [beyond[2], 0.0]]
+    np.testing.assert_allclose(other.point, there, atol=1e-12)
     np.testing.assert_allclose(other.normal[0], [0.0, -1.0], atol=1e-12)
-    assert chain.stay(at, points, still, array(-1, -1)) is at
+    assert chain.stay(at, points, still, array(-1, -1, -1), extension) is at

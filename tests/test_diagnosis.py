@@ -18,7 +18,7 @@ from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics import diagnosis
 from calfsocket.mechanics.diagnosis import Grip, Iterate, Motion, State, explain, findings
 from calfsocket.mechanics.limb_problem import limb_problem
-from calfsocket.mechanics.newton import NewtonResult
+from calfsocket.mechanics.newton import Newton, NewtonResult
 from calfsocket.mechanics.problem import Site
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.placement import check_placement
@@ -162,6 +162,23 @@ def test_the_last_equilibrium_is_left_as_it_was():
     checks = caught.value.result.checks
     assert checks.load == 0.5 and checks.relative_force_imbalance < 1e-6
     assert checks.negative_modes == 0
+
+
+def test_an_iterate_without_finite_forces_is_not_looked_at_any_further():
+    """Its displacements are finite, but cells are inside out: laws and tangent have no values."""
+    section = ring_mesh(MPI.COMM_SELF, [("bone", 10, 14), ("muscle", 14, 32)], (30.0, 36.0), 6.0)
+    laws = MaterialSet.paper("separate").tissue_laws()
+    problem = limb_problem(section, {name: laws[name] for name in section.regions})
+    newton = Newton(problem)
+    equilibrium = newton.x.copy()
+    for scale, finite in ((1.0, True), (np.nan, False)):
+        newton.x.array = scale * 50.0 * np.random.default_rng(3).standard_normal(newton.x.size)
+        assert np.isfinite(newton.x.norm()) == finite
+        iterate = diagnosis.last_iterate(newton, problem, equilibrium)
+        assert iterate.state is None and iterate.unbalanced in section.regions
+        text = explain(WELL, 0.5, 0.6, RESULT, iterate)
+        assert "0.6000: Newton's method runs away to displacements or forces that are not" in text
+        assert f"most of it in {iterate.unbalanced})" in text
 
 
 # -- from numbers ---------------------------------------------------------------------------------

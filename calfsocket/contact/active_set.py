@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from calfsocket.contact.friction import OPEN, SLIP, STICK
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FEW_CHANGES = 0.05
@@ -48,6 +49,13 @@ at once, the socket as a whole has turned."""
 SETTLED = 0.1
 """Share of the points in contact that may change their branch in an iteration which counts as one
 of tissues rather than of contact."""
+
+EXTENSION, FARTHER, FARTHEST = 1e-3, 10.0, 0.05
+"""Share of half an edge by which a point that goes to and fro may stay beyond its end, the factor
+on it with each time that it does so again, and the largest. The first is about a micrometre, over
+which a kink of the socket does not show in the traction's leading digits. A soft liner has larger
+kinks, between which points go to and fro over tens of micrometres; over the farthest, a kink of 5
+degrees makes a gap of 0.2 % of an edge's length."""
 
 
 class ActiveSet:
@@ -87,7 +95,8 @@ class ActiveSet:
         self._left: IntArray | None = None  # the one that each point was on before, or -1
         self._ahead_of_slip: NDArray[np.bool_] | None = None  # points that slip spreads to now
         self._spread: NDArray[np.bool_] | None = None  # and those that it did in this solve
-        self._stay: IntArray | None = None  # edges of points that go back to the one they left
+        self._returns: IntArray | None = None  # how often each point went back to the one it left
+        self._stay: tuple[IntArray, FloatArray] | None = None  # of those that do: see `returning`
         self._holding = self._released = False
 
     def line_up(self, place: NDArray[np.float64], least: int) -> None:
@@ -173,11 +182,17 @@ class ActiveSet:
         self._ahead_of_slip = newly
         return np.where(newly, further, now)
 
-    def returning(self, edge: IntArray) -> IntArray:
-        """Return the edge that points are on which go back to the one they left; -1 elsewhere."""
-        if self._edge is not None:
-            self._stay = np.where((edge == self._left) & (edge != self._edge), self._edge, -1)
-        return np.full(len(edge), -1) if self._stay is None else self._stay
+    def returning(self, edge: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return the edge that points are on which go back to the one they left; -1 elsewhere.
+
+        And how far beyond its end they may stay on it, as a share of half an edge.
+        """
+        if self._edge is not None and self._returns is not None:
+            stay = np.where((edge == self._left) & (edge != self._edge), self._edge, -1)
+            self._stay = stay, np.minimum(EXTENSION * FARTHER**self._returns, FARTHEST)
+        if self._stay is None:
+            return np.full(len(edge), -1), np.zeros(len(edge))
+        return self._stay
 
     def leave(self) -> None:
         """Let points leave the edges on which the last equilibrium was found."""
@@ -192,6 +207,8 @@ class ActiveSet:
             self.unsettled += self._many(branches != self._branches, branches != OPEN, SETTLED)
         before = edge if self._edge is None else self._edge
         left = np.full(len(edge), -1) if self._left is None else self._left
+        returns = np.zeros_like(edge) if self._returns is None else self._returns
+        self._returns = returns + ((edge == left) & (edge != before))
         # Some iterations may pass on one edge before a point goes back.
         self._left = np.where(edge != before, before, left)
         self._branches, self._edge = branches, edge

@@ -333,8 +333,8 @@ class ContactInterface:
         position = self.deformed_points()
         displacement = self.socket_displacement()
         projection = self.chain.project(position, displacement)
-        stay = self.active_set.returning(projection.edge)
-        projection = self.chain.stay(projection, position, displacement, stay)
+        stay, beyond = self.active_set.returning(projection.edge)
+        projection = self.chain.stay(projection, position, displacement, stay, beyond)
         return nitsche.contact_state(
             position,
             nominal_traction,

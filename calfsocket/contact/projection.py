@@ -16,10 +16,6 @@ _NEWTON_STEPS = 25
 _NEWTON_TOLERANCE = 1e-9
 # Vertices closer than this share of the chain's size are one.
 _SAME_POINT = 1e-9
-EXTENSION = 1e-3
-"""Share of half an edge by which a point that goes to and fro may stay beyond its end: about a
-micrometre, over which the kink between two edges does not show in the traction's leading digits."""
-
 _SEARCH_POINTS = np.array([-0.75, -0.25, 0.25, 0.75])
 _ARC_POINTS, _ARC_WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -158,16 +154,22 @@ class EdgeChain:
         return self._describe(edge, xi[rows, order], nodes[edge])
 
     def stay(
-        self, at: Projection, points: FloatArray, displacement: FloatArray, edge: IntArray
+        self,
+        at: Projection,
+        points: FloatArray,
+        displacement: FloatArray,
+        edge: IntArray,
+        beyond: FloatArray,
     ) -> Projection:
-        """Move points to the closest ones of given edges that overrun those by `EXTENSION` at most.
+        """Move points to the closest ones of given edges, if those are not too far beyond the ends.
 
-        Arguments as of `project`, and its result; edges (n,), or -1 for a point that does not move.
+        Arguments as of `project`, and its result; edges (n,), or -1 for a point that does not move;
+        how far beyond the ends of each, as a share of half an edge (n,).
         """
         rows = np.flatnonzero(edge >= 0)
         nodes = (self.reference + displacement)[edge[rows]]
         xi = _closest_on_edges(points[rows, None, :], nodes[:, None])[0][:, 0]
-        near = np.abs(xi) <= 1.0 + EXTENSION
+        near = np.abs(xi) <= 1.0 + beyond[rows]
         if not near.any():
             return at
         rows = rows[near]

@@ -278,7 +278,8 @@ def findings(equilibrium: State, iterate: Iterate) -> Iterator[Finding]:
         )
     if iterate.state is None:
         yield Finding(
-            "Newton's method runs away to displacements that are not finite", UNEXPLAINED.advice
+            "Newton's method runs away to displacements or forces that are not finite",
+            UNEXPLAINED.advice,
         )
     if iterate.unsettled:
         yield Finding(
