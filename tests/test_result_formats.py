@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.plotting import case
 from calfsocket.postprocess import series
+from calfsocket.postprocess.quantities import Quantities
 from calfsocket.simulation.record import StateRecord
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.simulation import Simulation
@@ -119,6 +121,44 @@ def test_load_steps_are_a_series(tmp_path: Path) -> None:
     assert np.all(np.diff(largest) > 0)  # the socket presses more and more
     series.remove_steps(tmp_path)
     assert not (tmp_path / series.STEPS_FOLDER).exists()
+
+
+class StoppedLater(Exception):
+    """Raised after a few steps."""
+
+
+def test_a_run_that_was_stopped_goes_on_with_its_series(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it was stopped, as the third step's fields were to be written, none is missing."""
+
+    def solve(name: str, **options: Any) -> Result:
+        sets = MaterialSet.paper("combined")
+        tiny = Simulation(tiny_limb(), tiny_socket("C"), sets, "coarse", comm=MPI.COMM_SELF)
+        checkpoint = tmp_path / f"{name}.npz"
+        return tiny.solve(checkpoint=checkpoint, step_fields=tmp_path / name, **options)
+
+    solve("whole").save(tmp_path / "whole")
+
+    def stop(folder: Path, quantities: Quantities, load: float) -> None:
+        if len(series.loads_of_steps(folder)) == 2:
+            raise StoppedLater
+        series.write_step(folder, quantities, load)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("calfsocket.simulation.simulation.write_step", stop)
+        with pytest.raises(StoppedLater):
+            solve("stopped")
+    series.write_step(tmp_path / "stopped", result(("A", "x"), *ROUND).quantities, 0.987)
+    resumed = solve("stopped", resume=True)
+    resumed.save(tmp_path / "stopped")
+    assert resumed.record.resumed_from_load > 0
+    files = [
+        {file.relative_to(tmp_path / name): file.read_bytes() for file in found}
+        for name in ("whole", "stopped")
+        for found in [(tmp_path / name).glob("load_steps/*/*"), (tmp_path / name).glob("*.pvd")]
+    ]
+    assert len(files[0]) > 2 and files[:2] == files[2:]
 
 
 ROUND = limb_and_socket(), contact_around()

@@ -356,15 +356,14 @@ class Simulation:
         on_first_rank(self.comm, lambda: remove_steps(folder, start.load if start else -1.0))
 
         def save(milestone: Milestone) -> None:
-            if others:
+            if milestone.load < 1.0:
+                with self.phases("fields"):
+                    fields = section_fields(stepper.problem, self._tissues)
+                    if fields is not None:  # on the first rank
+                        with reported(monitor, milestone.load, troubles):
+                            write_step(folder, Quantities.of(fields), milestone.load)
+            if others:  # a checkpoint comes last: who continues from it has the fields up to there
                 others(milestone)
-            if milestone.load == 1.0:
-                return
-            with self.phases("fields"):
-                fields = section_fields(stepper.problem, self._tissues)
-                if fields is not None:  # on the first rank
-                    with reported(monitor, milestone.load, troubles):
-                        write_step(folder, Quantities.of(fields), milestone.load)
 
         stepper.on_milestone = save
 
