@@ -122,7 +122,7 @@ def done_file(laws: Sequence[Law]) -> str:
 
 def _sources() -> list[Path]:
     """Files of this package that say which forms there are."""
-    found = []
+    found: list[Path] = []
     for place in calfsocket.__path__:
         for name in _SOURCES:
             path = Path(place) / name
