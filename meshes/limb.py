@@ -10,7 +10,14 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import shapely
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import (
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    PrivateAttr,
+    field_validator,
+    model_validator,
+)
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
@@ -301,14 +308,19 @@ class Limb(Strict):
             raise InputError(f"{path}: limbs are JSON files; use a name that ends in .json")
         write_json(path, self.model_dump(mode="json", exclude_defaults=True))
 
+    _is_checked: bool = PrivateAttr(default=False)
+
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
+        if self._is_checked:  # pydantic asks again where a limb becomes a part of another model
+            return self
         for problem in self._problems():
             raise ValueError(problem)
         loops = limb_curves(self)
         _check_nesting(self, loops)
         _check_areas(self, loops)
         _check_frame(self, loops)
+        self._is_checked = True
         return self
 
     def _problems(self) -> Iterator[str]:
@@ -496,6 +508,12 @@ def _likely_axes(limb: Limb, fibula: Array | None) -> tuple[Direction, Direction
     return upright[0]
 
 
+def _apart(box: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Whether curves are `MIN_GAP` apart by their boxes, (least, most), already."""
+    between = np.maximum(box[0] - other[1], other[0] - box[1])
+    return bool(between.max() >= MIN_GAP)
+
+
 def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
     """Raise an InputError unless curves are simple, disjoint and nested as the regions say."""
     for name, curve in loops.items():
@@ -512,7 +530,10 @@ def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
             " angles are measured; shift all curves so that it does"
         )
     trees = {name: cKDTree(points) for name, points in samples.items()}
+    boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in samples.items()}
     for name, other in combinations(samples, 2):
+        if _apart(boxes[name], boxes[other]):
+            continue
         gaps = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0]
         if gaps.min() < MIN_GAP:
             raise InputError(
