@@ -99,7 +99,7 @@ def test_tables_of_the_solved_cases(keys, six_results):
     assert set(made) == {"table1", "table2", "table4", "agreement", "pressure", *both}
     assert len(made["table2"].data) == 10 * len(keys)
     for name, table in made.items():
-        assert table.name == name and table.markdown() and table.html()
+        assert table.name == name and table.markdown() and table.html
 
 
 def test_the_cell_of_table_2(evidence):

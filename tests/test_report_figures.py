@@ -9,19 +9,14 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from calfsocket.plotting import style
 from calfsocket.plotting.files import Drawing
 from calfsocket.plotting.raster import FieldImage
 from calfsocket.plotting.style import MOST_ABREAST, MOST_SHOWN, abreast, type_set
-from calfsocket.report import findings
 from calfsocket.report.figures import figures, geometry, maps, pressure
 from calfsocket.report.findings import Findings
 from report_results import ALL, contact_on, limb, results_of
 from sections import annulus
-
-
-@pytest.fixture(autouse=True)
-def few_pixels(monkeypatch) -> None:
-    monkeypatch.setattr(findings, "PIXELS", 200)
 
 
 def texts(figure: Figure) -> list[str]:
@@ -92,7 +87,8 @@ def test_contact_pressure_is_written_and_drawn_to_one_scale(six_results):
     )
 
 
-def test_maps_show_values_on_one_scale(six_results):
+def test_maps_show_values_on_one_scale(six_results, monkeypatch):
+    monkeypatch.setattr(style, "PNG_DPI", 60)
     assert (maps.EFFECTIVE_STRESS.low, maps.EFFECTIVE_STRESS.high) == (0, 10)
     assert (maps.SHEAR_STRAIN.low, maps.SHEAR_STRAIN.high) == (-50, 50)
     figure = maps.draw_map(Findings(six_results), maps.EFFECTIVE_STRESS)
