@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 import shapely
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
-from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -100,6 +99,8 @@ class Layers(Strict):
         """Return how far outward (so negative) the curve under the named layers lies."""
         if law == "skin":
             return lambda points: np.full(len(points), -self.skin_thickness)
+        from scipy.interpolate import PchipInterpolator
+
         angles, thickness = np.array(self.fat_thickness).T
         # Two turns more than one make the interpolation, which is local, periodic.
         fat = PchipInterpolator(

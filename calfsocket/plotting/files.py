@@ -16,7 +16,6 @@ from PIL import (
 )
 
 from calfsocket.io.files import replacing
-from calfsocket.plotting.fonts import cut_once
 
 FORMATS = ("png", "svg", "pdf")
 """Of pictures; fields are grids of pixels in all of them, lines and letters can be scaled."""
@@ -106,6 +105,8 @@ def png(image: Image.Image, dpi: float) -> bytes:
 
 def vectors(figure: Figure, form: str) -> bytes:
     """Return a figure as a PDF or SVG file."""
+    from calfsocket.plotting.fonts import cut_once  # a fifth of a second, which PNG may do without
+
     buffer = io.BytesIO()
     date = {"pdf": "CreationDate", "svg": "Date"}[form]  # alone differs from writing to writing
     with matplotlib.rc_context({"svg.hashsalt": "calfsocket"}), cut_once():

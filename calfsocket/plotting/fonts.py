@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from functools import cache
 from io import BytesIO
 from typing import Any
-from unittest.mock import patch
 
 from matplotlib.backends import _backend_pdf_ps as backend
 
@@ -48,5 +47,8 @@ def _shared(path: str, letters: Any) -> Any:
 @contextmanager
 def cut_once() -> Iterator[None]:
     """Let PDF files share cut fonts, so that a file depends on its own letters alone."""
-    with patch.object(backend, "get_glyphs_subset", _shared):
+    backend.get_glyphs_subset = _shared
+    try:
         yield
+    finally:
+        backend.get_glyphs_subset = _cut
