@@ -17,6 +17,7 @@ ENV HOME=/home/calf PYTEST_ADDOPTS="-p no:cacheprovider"
 RUN useradd --create-home calf && install --directory --mode 1777 /results
 WORKDIR /opt/calfsocket
 COPY . .
+RUN python3 -m compileall -q calfsocket forms meshes
 USER calf
 ENTRYPOINT ["/opt/calfsocket/debian13-environment"]
 CMD ["python3", "-m", "calfsocket", "--out", "/results"]

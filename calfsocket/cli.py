@@ -100,9 +100,10 @@ def _parser(command: Command) -> _Parser:
 
 
 def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str]) -> int:
-    import petsc4py
+    if command.solves:
+        import petsc4py
 
-    petsc4py.init(["calfsocket", *petsc])
+        petsc4py.init(["calfsocket", *petsc])
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD

@@ -497,6 +497,12 @@ def _likely_axes(limb: Limb, fibula: Array | None) -> tuple[Direction, Direction
     return upright[0]
 
 
+def _apart(box: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Whether curves are `MIN_GAP` apart by their boxes, (least, most), already."""
+    between = np.maximum(box[0] - other[1], other[0] - box[1])
+    return bool(between.max() >= MIN_GAP)
+
+
 def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
     """Raise an InputError unless curves are simple, disjoint and nested as the regions say."""
     for name, curve in loops.items():
@@ -513,7 +519,10 @@ def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
             " angles are measured; shift all curves so that it does"
         )
     trees = {name: cKDTree(points) for name, points in samples.items()}
+    boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in samples.items()}
     for name, other in combinations(samples, 2):
+        if _apart(boxes[name], boxes[other]):
+            continue
         gaps = trees[name].query(samples[other], distance_upper_bound=MIN_GAP)[0]
         if gaps.min() < MIN_GAP:
             raise InputError(

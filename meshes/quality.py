@@ -69,9 +69,9 @@ def scaled_jacobians(x: Array, xi: Array = LATTICE) -> Array:
     """
     j = jacobians(x, xi)
     r, s = j[..., 0], j[..., 1]
-    lengths = np.sqrt([np.sum(side**2, axis=-1) for side in (r, s, s - r)])
+    a, b, c = (np.sqrt(side[..., 0] ** 2 + side[..., 1] ** 2) for side in (r, s, s - r))
     # The product of the two longest: all three over the shortest.
-    longest = lengths.prod(axis=0) / lengths.min(axis=0)
+    longest = a * b * c / np.minimum(np.minimum(a, b), c)
     scaled: Array = (2 / np.sqrt(3) * determinant(j) / longest).min(axis=1)
     return scaled
 

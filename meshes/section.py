@@ -1,7 +1,8 @@
 """The section of a limb in a socket: two bodies, overlapping in space, in one mesh."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,8 @@ def section_mesh(
 
 def build(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> TriangleMesh:
     """Mesh a limb and a socket on this process; the same input gives the same arrays."""
-    return smooth(_Section(limb, socket, liner).mesh(size)[1])
+    with _Section(limb, socket, liner).meshed(size) as mesh:
+        return smooth(mesh)
 
 
 def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
@@ -65,12 +67,11 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
         raise InputError(f"{path}: meshes are gmsh files; use a name that ends in .msh")
     if not path.parent.is_dir():
         raise InputError(f"{path}: no folder {path.parent}; create it first")
-    section = _Section(limb, socket)
-    if size.triangles is not None:
-        size, _ = section.mesh(size)
-    with gmsh_model.session("section"), tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        section.generate(size)
-        mesh = smooth(gmsh_model.extract())
+    with (
+        _Section(limb, socket).meshed(size) as mesh,
+        tempfile.TemporaryDirectory(dir=path.parent) as folder,
+    ):
+        mesh = smooth(mesh)
         gmsh_model.move_nodes(mesh.points)
         unfinished = Path(folder) / path.name
         gmsh.write(str(unfinished))
@@ -101,20 +102,23 @@ class _Section:
         self._socket_sizes = sizing.SocketSizes(*faces)
         self._fields: tuple[MeshSize | None, tuple[SizeField, SizeField] | None] = (None, None)
 
-    def mesh(self, size: MeshSize) -> tuple[MeshSize, TriangleMesh]:
-        """Return the mesh, its nodes as gmsh has them, and its size where that was a number."""
+    @contextmanager
+    def meshed(self, size: MeshSize) -> Iterator[TriangleMesh]:
+        """Give the mesh, its nodes as gmsh has them, while gmsh has it as its model."""
         found: list[TriangleMesh] = []
+        with ExitStack() as model:
 
-        def count(trial: MeshSize) -> int:
-            with gmsh_model.session("section"):
+            def count(trial: MeshSize) -> int:
+                model.close()  # that of the trial before
+                model.enter_context(gmsh_model.session("section"))
                 self.generate(trial)
                 found.append(gmsh_model.extract())
-            return len(found[-1].cells)
+                return len(found[-1].cells)
 
-        size = size.for_triangles(count, lambda trial: self._room(found[-1], trial))
-        if not found:
-            count(size)
-        return size, found[-1]
+            size.for_triangles(count, lambda trial: self._room(found[-1], trial))
+            if not found:
+                count(size)
+            yield found[-1]
 
     def _sizes(self, size: MeshSize) -> tuple[SizeField, SizeField]:
         """Sizes on the limb's side and on the socket's; those of the last size are kept."""

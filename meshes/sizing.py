@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
@@ -16,6 +17,8 @@ from calfsocket.meshes.curves import Array, ClosedCurve
 SAMPLE_STEP = 0.1
 #: Spacing of the grid on which the size is given to gmsh, mm.
 GRID_STEP = 0.25
+#: Points of that grid, along each side, that are searched together for what is near.
+BLOCK = 8
 #: Numbers of triangles that may be asked for: with fewer the thin layers are meshed badly.
 FEWEST_TRIANGLES, MOST_TRIANGLES = 7000, 1_000_000
 #: Side lengths of the first trial mesh, in those of "paper".
@@ -193,7 +196,7 @@ class LimbSizes:
         gaps, radii = [], []
         for name, curve in loops.items():
             others = np.concatenate([p for other, p in points.items() if other != name])
-            gaps.append(cKDTree(others).query(points[name])[0])
+            gaps.append(_tree(others).query(points[name])[0])
             with np.errstate(divide="ignore"):
                 radii.append(1 / np.abs(curve.curvature(parameters[name])))
         self._around = _Surroundings(np.concatenate(list(points.values())))
@@ -222,6 +225,11 @@ class SocketSizes:
         return self._around.spread(np.repeat(wanted, self._on_face), size)
 
 
+def _tree(points: Array) -> cKDTree:
+    """Return points to search; they lie along curves, where splitting at medians costs more."""
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
+
+
 class _Surroundings:
     """A grid around points on curves, and the nearest of these to each of its points."""
 
@@ -230,8 +238,28 @@ class _Surroundings:
         shape = np.ceil((points.max(axis=0) - origin) / GRID_STEP).astype(int) + 3
         axes = [origin[i] + GRID_STEP * np.arange(shape[i]) for i in (0, 1)]
         self._grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        self._tree = cKDTree(points)
+        self._tree = _tree(points)
         self._reach = 0.0  # of what is known of the nearest points
+
+    def _within(self, reach: float) -> tuple[Array, NDArray[np.intp]]:
+        """Distance and number of the point that is nearest to each of the grid, within a reach.
+
+        Blocks of the grid that are farther away are left out.
+        """
+        shape = self._grid.shape[:2]
+        first = np.ix_(*(np.arange(0, n, BLOCK) for n in shape))
+        last = np.ix_(*(np.minimum(np.arange(0, n, BLOCK) + BLOCK, n) - 1 for n in shape))
+        middle = 0.5 * (self._grid[first] + self._grid[last])
+        # Half the diagonal of a block is less than this.
+        bound = reach + BLOCK * GRID_STEP
+        is_near = np.isfinite(self._tree.query(middle, distance_upper_bound=bound)[0])
+        is_near = np.repeat(np.repeat(is_near, BLOCK, axis=0), BLOCK, axis=1)
+        is_near = is_near[: shape[0], : shape[1]]
+        distance, nearest = np.full(shape, np.inf), np.full(shape, self._tree.n)
+        distance[is_near], nearest[is_near] = self._tree.query(
+            self._grid[is_near], distance_upper_bound=reach
+        )
+        return distance, nearest
 
     def spread(self, sizes: Array, size: MeshSize) -> SizeField:
         """Let the size grow away from the points, as steeply as allowed and no steeper."""
@@ -239,9 +267,7 @@ class _Surroundings:
         reach = (size.largest - sizes.min()) / size.growth
         if reach > self._reach:
             self._reach = reach * (1.0 + 1e-9)  # scaled sizes have the same one, but for rounding
-            self._distance, self._nearest = self._tree.query(
-                self._grid, distance_upper_bound=self._reach
-            )
+            self._distance, self._nearest = self._within(self._reach)
         sizes = np.append(sizes, size.largest)  # where nothing is near, at an infinite distance
         values = np.minimum(sizes[self._nearest] + size.growth * self._distance, size.largest)
         values[self._distance >= reach] = size.largest

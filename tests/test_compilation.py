@@ -7,9 +7,11 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
+from calfsocket.forms.kinematics import Jet
 from calfsocket.materials.laws import Ogden
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.kernels import library
+from calfsocket.mechanics.kernels.laws import signature
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.extract import contact_line, section_fields
@@ -43,6 +45,56 @@ def test_each_kind_of_law_is_compiled_once(monkeypatch, tmp_path):
     for _, *within in compiled:
         kinds = sorted((law.name, len(law.coefficients())) for law in within)
         assert kinds == [("hencky", 1), ("ogden", 2), ("ogden", 4), ("yeoh", 3)]
+
+
+def test_what_was_compiled_is_not_looked_up_again(monkeypatch, tmp_path):
+    """Until a form is missing, or a law, a compiler's options or a source is another."""
+    compiled = []
+
+    def compile_one(laws):
+        compiled.append(laws)
+        (tmp_path / "form.so").touch()
+
+    def another_process():
+        monkeypatch.setattr(compilation, "_compiled", set())
+        compilation.precompile(MPI.COMM_SELF, [paper])
+        return len(compiled)
+
+    options, paper = {}, MaterialSet.paper("combined")
+    monkeypatch.setattr(compilation, "_use_all_forms", compile_one)
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(compilation.jit, "DOLFINX_DEFAULT_JIT_OPTIONS", options)
+    assert [another_process(), another_process()] == [1, 1]
+    (tmp_path / "form.so").unlink()
+    assert [another_process(), another_process()] == [2, 2]
+    options["cffi_extra_compile_args"] = (["-O1"], "")
+    assert [another_process(), another_process()] == [3, 3]
+    source = tmp_path / "another.py"
+    source.write_text("# a law")
+    sources = [*compilation._sources(), source]
+    monkeypatch.setattr(compilation, "_sources", lambda: sources)
+    assert [another_process(), another_process()] == [4, 4]
+    source.write_text("# another law")
+    assert [another_process(), another_process()] == [5, 5]
+    paper = paper.replace(skin=Ogden(mu=(1.0, 2.0, 3.0), alpha=(3.0, -4.0, 1.0), d1=0.0))
+    assert [another_process(), another_process()] == [6, 6]
+
+
+def test_laws_that_take_other_coefficients_have_other_code():
+    def first(x, J, coefficients):
+        return Jet(coefficients[0] * x, coefficients[0], 0.0)
+
+    def second(x, J, coefficients):
+        return Jet(coefficients[1] * x, coefficients[1], 0.0)
+
+    assert signature((first, 2)) != signature((second, 2))
+    assert signature((first, 2)) != signature((first, 3))
+    assert signature((first, 2)) == signature((first, 2))
+
+
+def test_the_sources_of_all_forms_are_known():
+    names = {path.name for path in compilation._sources()}
+    assert {"mixed.py", "interface.py", "extract.py", "cells.h", "condensation.c"} <= names
 
 
 def test_precompiled_forms_are_those_of_a_case(monkeypatch):

@@ -196,13 +196,13 @@ def test_a_law_defined_in_a_script_is_compiled(mpirun, tmp_path) -> None:
             from mpi4py import MPI
             from calfsocket.materials.fields import kind
             from calfsocket.mechanics.kernels import library
-            from calfsocket.mechanics.kernels.laws import LawKernel
+            from calfsocket.mechanics.kernels.laws import signature
             names = set()
             for factor in (0.5, 1.0, 0.5):
                 scope = {"FACTOR": factor, "__name__": "own"}
                 exec(SOURCE, scope)
                 law = scope["Custom"](mu=1.0)
-                names.add(LawKernel(kind(law)).signature)
+                names.add(signature(kind(law)))
                 library.library(MPI.COMM_WORLD, kind(law))
             print(len(names), *sorted(names))
             """

@@ -38,6 +38,8 @@ class Command:
         What its help says before and after the options.
     options : tuple of callable
         Each adds an option, or a group of them, to a parser.
+    solves : bool
+        Whether it needs PETSc.
     """
 
     run: Work
@@ -46,15 +48,18 @@ class Command:
     description: str
     epilog: str
     options: tuple[Option, ...]
+    solves: bool
 
 
-def command(*options: Option, description: str = "", epilog: str = "") -> Callable[[Work], Command]:
+def command(
+    *options: Option, description: str = "", epilog: str = "", solves: bool = True
+) -> Callable[[Work], Command]:
     """Make a function a command of its name, whose docstring is its line in the list."""
 
     def made(work: Work) -> Command:
         line = work.__doc__ or ""
         listed = line[:1].lower() + line[1:].removesuffix(".")
-        return Command(work, work.__name__, listed, description or line, epilog, options)
+        return Command(work, work.__name__, listed, description or line, epilog, options, solves)
 
     return made
 

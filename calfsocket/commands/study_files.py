@@ -23,6 +23,7 @@ FILE = option("file", type=Path, metavar="FILE", help="study file, or a run.json
         help="default: %(default)s",
     ),
     description="Write an example study file with a remark on every key.",
+    solves=False,
 )
 @first_rank
 def new(arguments: Namespace) -> None:
@@ -50,6 +51,7 @@ can be put on the limb, and whether laws stay stable at the stretches of a limb 
 list the cases.
 """,
     epilog="Exit code: 0 if the file can be run, 2 if it cannot; one line says why.\n",
+    solves=False,
 )
 @first_rank
 def check(arguments: Namespace) -> None:
@@ -88,6 +90,7 @@ def listing(path: Path, plan: "Plan") -> str:
     description="""\
 Draw the limb with its regions, the sockets of a study file on it, and the cases.
 """,
+    solves=False,
 )
 @first_rank
 def show(arguments: Namespace) -> None:
@@ -117,6 +120,7 @@ its first line is `#:schema study.schema.json`.
 example:
   python3 -m calfsocket schema > study.schema.json
 """,
+    solves=False,
 )
 @first_rank
 def schema(_: Namespace) -> None:

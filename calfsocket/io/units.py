@@ -9,8 +9,10 @@ import re
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
+from typing import TYPE_CHECKING
 
-import pint
+if TYPE_CHECKING:
+    import pint
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\s,].*?)?\s*")
 
@@ -19,7 +21,9 @@ _POWERS = (("²", "2"), ("⁻¹", "-1"), ("**", ""), ("^", ""))
 
 
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> "pint.UnitRegistry":
+    import pint  # late: most files need none of it
+
     return pint.UnitRegistry(non_int_type=Decimal)
 
 

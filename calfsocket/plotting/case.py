@@ -15,13 +15,11 @@ from scipy.spatial import cKDTree
 from calfsocket.meshes.frame import Frame
 from calfsocket.plotting import files, pressure_band
 from calfsocket.plotting import section as drawing
+from calfsocket.plotting.names import PICTURE
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import Quantities
-
-PICTURE = "picture"
-"""Name of the file, which ends in one of the formats."""
 
 STRESS_LIMIT_KPA = 10.0  # as PRESSURE_MM_PER_KPA
 PRESSURE_MM_PER_KPA = 0.4  # the same in every picture, so that pictures can be compared

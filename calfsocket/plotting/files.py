@@ -17,9 +17,6 @@ from PIL import (
 
 from calfsocket.io.files import replacing
 
-FORMATS = ("png", "svg", "pdf")
-"""Of pictures; fields are grids of pixels in all of them, lines and letters can be scaled."""
-
 PNG_LEVEL, WEBP_EFFORT = 2, 0
 """How hard files are packed: the most takes three times as long, and saves a tenth of the size."""
 
@@ -117,7 +114,7 @@ def vectors(figure: Figure, form: str) -> bytes:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as the file that a path names, one of `FORMATS`; return the path.
+    """Write a figure as the file that a path names, one of `names.FORMATS`; return the path.
 
     The same figure gives the same bytes.
     """

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from calfsocket.mechanics.loading import DONNED
 from calfsocket.plotting import files
+from calfsocket.plotting.names import CURVE_PICTURE
 from calfsocket.plotting.style import new_figure, type_set
 
 PANEL_MM = 70.0
-CURVE_PICTURE = "loading"
 
 SMALLEST_CHANGE = 1e-6
 """Of a load in N/mm, N mm/mm or %: less is what Newton's tolerance leaves of one that stays."""

@@ -1,20 +1,28 @@
 """Compiled forms: kept in a separate cache, made once before ranks need them side by side."""
 
 import fcntl
+import hashlib
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO
 
+import basix
+import dolfinx
+import ffcx
 import numpy as np
+import ufl
 from dolfinx import jit
 from mpi4py import MPI
 
+import calfsocket
+from calfsocket.io.files import replacing
 from calfsocket.io.system import compiler_needed
 from calfsocket.materials.fields import Kind, kind
 from calfsocket.materials.law import Law
 from calfsocket.materials.material_set import BASE_SETS, MaterialSet
 from calfsocket.materials.tissues import SOCKET
+from calfsocket.mechanics.kernels.laws import signature
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.newton import Newton
 from calfsocket.meshes.rings import ring_mesh
@@ -25,6 +33,18 @@ _INNER, _SKIN, _OUTER = 10.0, 30.0, 32.0
 _SOCKET = (31.9, 36.0)
 _TIMEOUT_S = 600
 """How long a rank waits for another to compile; compiling takes some 10 s in all."""
+_SOURCES = (
+    "contact",
+    "forms",
+    "io/fenics.py",
+    "materials",
+    "mechanics",
+    "postprocess",
+    "simulation",
+)
+"""What says which forms there are, in the package."""
+_COMPILED = "*.so"
+"""Compiled forms in their folder."""
 
 
 def cache_folder() -> Path:
@@ -42,6 +62,9 @@ def precompile(
     half compiled while no other process uses the cache was left by one that was killed, and is
     thrown away; without that, dolfinx waits for it in vain.
 
+    Which forms these are only their use says, which takes half a second: a file in their folder,
+    `done_file`, says that it has been seen to.
+
     The material sets of the cases are the paper's unless given: each kind of law, and the one of
     the skin's surface, has forms of its own. A law of `linings` is that of a liner, whose surface
     meets the socket as the skin's does.
@@ -58,8 +81,7 @@ def precompile(
             for laws in [*_problems(sets), *([law] for law in linings)]:
                 kinds = folder, *map(kind, laws)
                 if kinds not in _compiled:
-                    with compiler_needed():
-                        _use_all_forms(laws)
+                    _compile(folder, laws)
                     _compiled.add(kinds)
     comm.Barrier()
 
@@ -68,6 +90,44 @@ _compiled: set[tuple[object, ...]] = set()
 """Folder and kinds of laws for which this process has used all forms."""
 
 _used: dict[Path, IO[str]] = {}
+
+
+def _compile(folder: Path, laws: Sequence[Law]) -> None:
+    """Use all forms of laws, unless a process has done so and what it left is still there."""
+    done = folder / done_file(laws)
+    there = {path.name for path in folder.glob(_COMPILED)}
+    if done.is_file() and there.issuperset(done.read_text(encoding="utf-8").split()):
+        return
+    with compiler_needed():
+        _use_all_forms(laws)
+    with replacing(done) as unfinished:
+        names = sorted(path.name for path in folder.glob(_COMPILED))
+        unfinished.write_text("\n".join(names), encoding="utf-8")
+
+
+def done_file(laws: Sequence[Law]) -> str:
+    """Name of the file that lists compiled forms, those of these laws among them.
+
+    It changes with all that a form's name follows from: the laws, the sources of this package, the
+    versions of the compilers and the options that they are given.
+    """
+    versions = [each.__version__ for each in (dolfinx, ufl, ffcx, basix, np)]
+    parts = [*versions, repr(sorted(jit.get_options().items())), os.environ.get("CC", "")]
+    parts += map(signature, map(kind, laws))
+    digest = hashlib.sha256("\n".join(parts).encode())
+    for path in _sources():
+        digest.update(path.read_bytes())
+    return f"done-{digest.hexdigest()[:16]}"
+
+
+def _sources() -> list[Path]:
+    """Files of this package that say which forms there are."""
+    found: list[Path] = []
+    for place in calfsocket.__path__:
+        for name in _SOURCES:
+            path = Path(place) / name
+            found += [path] if path.is_file() else path.glob("**/*.[pch]*")
+    return sorted([Path(__file__), *(p for p in found if p.suffix in (".py", ".c", ".h"))])
 
 
 def _throw_away_leftovers(folder: Path) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing, write_json
 from calfsocket.io.schema import read_json
+from calfsocket.plotting.names import CURVE_PICTURE, FORMATS, PICTURE
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import Maximum, Quantities, contact_quantities, summary
@@ -148,7 +149,6 @@ class Result:
         png, svg or pdf.
         """
         from calfsocket.plotting import case, loading
-        from calfsocket.plotting.files import FORMATS
 
         if form not in FORMATS:
             raise InputError(f"pictures: form is {form!r}; allowed: {', '.join(FORMATS)}")
@@ -253,10 +253,6 @@ class Result:
     @staticmethod
     def remove(folder: Path | str) -> None:
         """Remove what `save` and `draw` wrote; other files stay."""
-        from calfsocket.plotting.case import PICTURE
-        from calfsocket.plotting.files import FORMATS
-        from calfsocket.plotting.loading import CURVE_PICTURE
-
         for path in Path(folder).glob(f"*/{RESULT_FILE}"):
             Result.remove(path.parent)
             with suppress(OSError):  # it holds something else

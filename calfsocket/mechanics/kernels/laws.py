@@ -5,6 +5,7 @@ writes it for a `double`; the same lines do for a vector of them (vectors.h), wh
 cannot find out by itself where they stand in a loop over points.
 """
 
+import inspect
 import re
 from typing import Any
 
@@ -13,17 +14,35 @@ import ffcx.naming
 import numpy as np
 import ufl
 
-from calfsocket.forms import mixed
-from calfsocket.io.fenics import expression_code
+from calfsocket.forms import kinematics, mixed
+from calfsocket.io import fenics
 from calfsocket.materials.fields import Kind
 
 _FUNCTIONS = ("sqrt", "exp", "log", "pow")  # as vectors.h has them
 _POINT = np.array([[1 / 3, 1 / 3]])
+_DERIVING = (kinematics, mixed, fenics)  # modules by which an energy becomes code
 
 
 def parameter_list(material: mixed.Material) -> list[Any]:
     """All parameters of a material, in the order in which the functions in C take them."""
     return [*material.coefficients, material.inverse_bulk, material.pressure_scale]
+
+
+def signature(kind: Kind) -> str:
+    """Hash of all that the C of a kind of law follows from, the same in every process.
+
+    That is the energy, with what its form calls, and how the rest is derived from it: expressions
+    of stresses and moduli are a hundred times as large, and take UFL half a second.
+    """
+    form, size = kind
+    domain = _domain()
+    x, J, *coefficients = (ufl.Constant(domain) for _ in range(size + 2))
+    energy = form(x, J, tuple(coefficients))
+    # All arguments are in it, since UFL numbers those that it finds.
+    whole = ufl.as_vector([x, J, *coefficients, energy.value, energy.first, energy.second])
+    derived_by = [inspect.getsource(module) for module in _DERIVING]
+    tag = "".join([ufl.__version__, *derived_by])
+    return ffcx.naming.compute_signature([(whole, _POINT)], tag)
 
 
 class LawKernel:
@@ -37,9 +56,8 @@ class LawKernel:
 
     def __init__(self, kind: Kind) -> None:
         form, size = kind
-        domain = ufl.Mesh(basix.ufl.element("P", "triangle", 1, shape=(2,)))
-        F = ufl.Constant(domain, shape=(2, 2))
-        p_dof, *parameters = (ufl.Constant(domain) for _ in range(size + 3))
+        F = ufl.Constant(_domain(), shape=(2, 2))
+        p_dof, *parameters = (ufl.Constant(F.ufl_domain()) for _ in range(size + 3))
         material = mixed.Material(form, tuple(parameters[:size]), *parameters[size:])
         self._arguments = [F, p_dof, *parameter_list(material)]
         p = mixed.pressure(p_dof, material.pressure_scale)
@@ -47,12 +65,6 @@ class LawKernel:
             function.__name__: function(material, F, p)
             for function in (mixed.stresses, mixed.moduli)
         }
-
-    @property
-    def signature(self) -> str:
-        """Hash of the expressions, the same in every process: it knows what the form calls, too."""
-        expressions = [(expression, _POINT) for expression in self._functions.values()]
-        return ffcx.naming.compute_signature(expressions, str(list(map(_size, self._arguments))))
 
     def source(self) -> str:
         """Write `stresses` and `moduli`, C functions of (const vector *arguments, vector *values).
@@ -66,7 +78,7 @@ class LawKernel:
 
     def _function(self, name: str, expression: Any) -> str:
         """Write one function, with FFCx's lines as its body."""
-        code = expression_code(expression, _POINT)
+        code = fenics.expression_code(expression, _POINT)
         match = re.search(
             r"void tabulate_tensor_expression_\w+\([^)]*\)\n(\{.*?\n\}\n\n\})\n", code, re.S
         )
@@ -85,6 +97,10 @@ class LawKernel:
         return (
             f"VECTORISED static void {name}(const vector *restrict c, vector *restrict A)\n{body}\n"
         )
+
+
+def _domain() -> ufl.Mesh:
+    return ufl.Mesh(basix.ufl.element("P", "triangle", 1, shape=(2,)))
 
 
 def _size(constant: Any) -> int:

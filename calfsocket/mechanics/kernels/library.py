@@ -21,7 +21,7 @@ from dolfinx import jit
 from mpi4py import MPI
 
 from calfsocket.materials.fields import Kind
-from calfsocket.mechanics.kernels.laws import LawKernel
+from calfsocket.mechanics.kernels.laws import LawKernel, signature
 
 FOLDER = Path(__file__).parent
 SOURCES = ("vectors.h", "cells.h", "internal_force.c", "condensation.c")
@@ -79,14 +79,13 @@ def library(comm: MPI.Comm, kind: Kind) -> Library:
 
 @cache
 def _module(kind: Kind) -> Any:
-    kernel = LawKernel(kind)
     files = [(FOLDER / name).read_text(encoding="utf-8") for name in (*SOURCES, "laws.py")]
-    parts = [*files, kernel.signature, ffcx.__version__, *COMPILE_ARGUMENTS]
+    parts = [*files, signature(kind), ffcx.__version__, *COMPILE_ARGUMENTS]
     name = f"calfsocket_cells_{hashlib.sha256(' '.join(parts).encode()).hexdigest()[:16]}"
     cache_dir = Path(jit.get_options()["cache_dir"])
     target = cache_dir / (name + sysconfig.get_config_var("EXT_SUFFIX"))
     if not target.exists():
-        _compile(name, kernel.source(), "\n".join(files[:-1]), target)
+        _compile(name, LawKernel(kind).source(), "\n".join(files[:-1]), target)
     spec = importlib.util.spec_from_file_location(name, target)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
