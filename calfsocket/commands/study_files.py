@@ -85,8 +85,12 @@ def listing(path: Path, plan: "Plan") -> str:
 
 @command(
     FILE,
-    option("--out", type=Path, metavar="FILE.png",
-           help="or .svg, .pdf; default: FILE's name with .png, here"),
+    option(
+        "--out",
+        type=Path,
+        metavar="FILE.png",
+        help="or .svg, .pdf; default: FILE's name with .png, here",
+    ),
     description="""\
 Draw the limb with its regions, the sockets of a study file on it, and the cases.
 """,
