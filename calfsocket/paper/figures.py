@@ -178,7 +178,7 @@ def _draw_bars(
     vertices = np.stack([np.column_stack(each) for each in [*corners, corners[0]]], axis=1)
     codes = [Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY] * len(x)
     bars = PathPatch(Path(vertices.reshape(-1, 2), codes), facecolor=colour, linewidth=0, zorder=2)
-    bars.sticky_edges.y.append(0.0)  # no margin beyond the zero of bars
+    bars.sticky_edges.y.append(0.0)  # type: ignore[union-attr]  # no margin beyond bars' zero
     axes.add_artist(bars)
     axes.update_datalim(vertices.reshape(-1, 2))
 
