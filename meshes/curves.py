@@ -5,16 +5,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
-from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 #: A coordinate, mm. No section of a limb is wider; sampling one of 10 km would not end.
@@ -52,7 +54,7 @@ CROSSING_POINTS = 2000
 class ClosedCurve:
     """A simple closed curve in the plane, x(t) for t in [0, period], counter-clockwise."""
 
-    spline: CubicSpline  #: periodic and C2, with values in mm, shape (2,)
+    spline: "CubicSpline"  #: periodic and C2, with values in mm, shape (2,)
 
     @property
     def knots(self) -> Array:
@@ -135,6 +137,8 @@ class ClosedCurve:
         The B-spline is clamped: it interpolates its first control point, which is also the last.
         The outer knots have the multiplicity of a periodic B-spline, the degree, and not one more.
         """
+        from scipy.interpolate import make_interp_spline
+
         ends = self.evaluate([0.0, self.period], 1)
         b_spline = make_interp_spline(
             self.knots,
@@ -156,7 +160,13 @@ def through(points: ArrayLike) -> ClosedCurve:
     closed = np.concatenate([closed, closed[:1]])
     chords = np.linalg.norm(np.diff(closed, axis=0), axis=1)
     t = np.append(0.0, np.cumsum(chords))
-    return ClosedCurve(CubicSpline(t, closed, bc_type="periodic"))
+    return _periodic(t, closed)
+
+
+def _periodic(t: Array, points: Array) -> ClosedCurve:
+    from scipy.interpolate import CubicSpline  # a quarter of a second, which pictures do without
+
+    return ClosedCurve(CubicSpline(t, points, bc_type="periodic"))
 
 
 def interpolated(exact: Callable[[Array], Array], knots: ArrayLike) -> ClosedCurve:
@@ -175,7 +185,7 @@ def interpolated(exact: Callable[[Array], Array], knots: ArrayLike) -> ClosedCur
     for _ in range(MAX_HALVINGS + 1):
         points = exact(knots)
         points[-1] = points[0]  # equal but for rounding; the spline wants it exact
-        curve = ClosedCurve(CubicSpline(knots, points, bc_type="periodic"))
+        curve = _periodic(knots, points)
         between = knots[:-1] + np.diff(knots) * np.array([[0.25], [0.5], [0.75]])
         wanted = exact(between.ravel()).reshape(3, -1, 2)
         errors = np.linalg.norm(curve.evaluate(between) - wanted, axis=-1)

@@ -2,16 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from scipy.interpolate import BSpline
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from calfsocket.meshes import curves
 from calfsocket.meshes.curves import Array, ClosedCurve
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 #: How far a smooth curve may be from a rough outline unless the user says so, mm: four times the
 #: noise of a good scan, 0.05 mm.
@@ -174,6 +177,8 @@ class _Fit:
 
     def _basis(self, share: Array) -> csr_array:
         """Return the values of the periodic B-splines at shares of the way around."""
+        from scipy.interpolate import BSpline
+
         basis = BSpline.design_matrix(share % 1.0, self._knots, 3).tocoo()
         shape = len(share), self._number
         return csr_array((basis.data, (basis.row, basis.col % self._number)), shape=shape)
@@ -200,8 +205,10 @@ class _Fit:
         explained = [w for w in map(float, _WEIGHTS) if w > least and misfit(w) <= allowed]
         return max([least, *explained])
 
-    def spline(self, weight: float) -> BSpline:
+    def spline(self, weight: float) -> "BSpline":
         """Return the curve over shares of the way around."""
+        from scipy.interpolate import BSpline
+
         coefficients = self._coefficients(weight)[0]
         return BSpline(self._knots, np.concatenate([coefficients, coefficients[:3]]), 3)
 

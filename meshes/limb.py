@@ -18,7 +18,6 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -107,6 +106,8 @@ class Layers(Strict):
         """Return how far outward (so negative) the curve under the named layers lies."""
         if law == "skin":
             return lambda points: np.full(len(points), -self.skin_thickness)
+        from scipy.interpolate import PchipInterpolator
+
         angles, thickness = np.array(self.fat_thickness).T
         # Two turns more than one make the interpolation, which is local, periodic.
         fat = PchipInterpolator(

@@ -6,8 +6,8 @@ import numpy as np
 from pydantic import PositiveFloat, model_validator
 
 from calfsocket.io.schema import Strict
-from calfsocket.io.system import gmsh
-from calfsocket.meshes import gmsh_model
+
+# gmsh is imported by the functions that need it: records of calibrations have a plate, too.
 
 Corner = tuple[float, float, float]
 """Place of a corner and radius of its fillet, mm."""
@@ -42,6 +42,8 @@ def add_plate(
     side
         1 where the plate lies above its face, -1 where below.
     """
+    from calfsocket.meshes import gmsh_model
+
     half, r = 0.5 * plate.width, plate.edge_radius
     back = face + side * plate.thickness
     edges = add_fillets(
@@ -61,6 +63,8 @@ def add_fillets(corners: Sequence[Corner]) -> list[int]:
 
     Each corner gives its arc, unless its radius is 0, and then the line to the next one.
     """
+    from calfsocket.io.system import gmsh
+
     place = np.array([corner[:2] for corner in corners])
     before, behind = (_unit(np.roll(place, step, axis=0) - place) for step in (1, -1))
     starts: list[int] = []
@@ -93,5 +97,7 @@ def _unit(vector: np.ndarray) -> np.ndarray:
 
 
 def _point(place: np.ndarray) -> int:
+    from calfsocket.io.system import gmsh
+
     tag: int = gmsh.model.occ.addPoint(*place, 0.0)
     return tag

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from calfsocket.paper.guest import guest
+from calfsocket.plotting import style
 from calfsocket.plotting.files import Drawing, PageImage, pixels, png
-from calfsocket.report import findings
 from calfsocket.report.findings import Findings
 from calfsocket.report.page import FIGURES
 from calfsocket.report.write import Guest, write_report
@@ -59,7 +59,7 @@ def write_small(results: Results, invite: Callable[[Findings], Guest | None] = g
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Drawing, "of", _small)
-        patch.setattr(findings, "PIXELS", 100)
+        patch.setattr(style, "PNG_DPI", 40)
         return write_report(results, invite)
 
 
@@ -72,7 +72,6 @@ def _small(figure: Figure) -> Drawing:
         if (text.get_text() and (text.axes is None or text.axes.axison))
         or text in (text.axes.texts if text.axes else ())
     ]  # fmt: skip
-    figure.set_dpi(40)
     image = pixels(figure)
     return Drawing(png(image, 40), json.dumps(texts).encode(), PageImage.of(image))
 

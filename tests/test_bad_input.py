@@ -211,7 +211,7 @@ def a_new_file_with_another_extension(folder: Path) -> Sequence[str]:
 
 def a_picture_with_another_extension(folder: Path) -> Sequence[str]:
     written(folder, TWO_LISTS)
-    return ["show", str(folder / "study.toml"), "--out", str(folder / "study.pdf")]
+    return ["show", str(folder / "study.toml"), "--out", str(folder / "study.jpg")]
 
 
 TRIALS = (
@@ -584,7 +584,7 @@ TRIALS = (
     Trial("an example over a study", a_new_file_over_an_old_one,
           ("already exists; choose another name",)),
     Trial("an example that is not a TOML file", a_new_file_with_another_extension, (".toml",)),
-    Trial("a picture that is not a PNG", a_picture_with_another_extension, ("study.pdf", ".png")),
+    Trial("a picture of another format", a_picture_with_another_extension, ("study.jpg", ".svg")),
 )  # fmt: skip
 
 

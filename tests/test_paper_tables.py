@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.patches import PathPatch
 
 from calfsocket.paper import comparison, figures, published
 from calfsocket.paper.evidence import STRAINS, Evidence
@@ -99,7 +100,7 @@ def test_tables_of_the_solved_cases(keys, six_results):
     assert set(made) == {"table1", "table2", "table4", "agreement", "pressure", *both}
     assert len(made["table2"].data) == 10 * len(keys)
     for name, table in made.items():
-        assert table.name == name and table.markdown() and table.html()
+        assert table.name == name and table.markdown() and table.html
 
 
 def test_the_cell_of_table_2(evidence):
@@ -125,7 +126,9 @@ def test_the_cell_of_table_2(evidence):
 
 
 def bars_and_marks(figure) -> tuple[list[float], list[float]]:
-    bars = [bar.get_height() for axes in figure.axes for c in axes.containers for bar in c]
+    paths = [bars for axes in figure.axes for bars in axes.patches if type(bars) is PathPatch]
+    corners = [bars.get_path().vertices.reshape(-1, 5, 2) for bars in paths]  # of closed squares
+    bars = [float(y) for corner in corners for y in corner[:, 1, 1]]
     marks = [
         mark
         for axes in figure.axes

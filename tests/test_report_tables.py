@@ -115,6 +115,6 @@ def test_tables_are_written_in_three_forms(six_results, tmp_path):
 def test_html_is_escaped():
     data = pd.DataFrame({"a": ["x"]})
     shown = pd.DataFrame({"<b>": ["<i>&"]}, index=["1 < 2"])
-    html = Table("t", data, shown, ("<note>",), "a < b", "c & d").html()
+    html = Table("t", data, shown, ("<note>",), "a < b", "c & d").html
     assert "<b>" not in html and "<i>" not in html and "<note>" not in html
     assert "a &lt; b" in html and "c &amp; d" in html

@@ -451,6 +451,13 @@ def test_check_names_what_the_file_says_in_vain(tmp_path, capsys):
     assert said in capsys.readouterr().out
 
 
+def test_show_draws_vectors(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(BASE)
+    assert cli.main(["show", str(path), "--out", str(tmp_path / "shown.pdf")]) == 0
+    assert (tmp_path / "shown.pdf").read_bytes().startswith(b"%PDF")
+
+
 def test_show_draws(tmp_path, capsys):
     import matplotlib.image
 

@@ -85,21 +85,28 @@ def listing(path: Path, plan: "Plan") -> str:
 
 @command(
     FILE,
-    option("--out", type=Path, metavar="FILE.png", help="default: FILE's name with .png, here"),
+    option(
+        "--out",
+        type=Path,
+        metavar="FILE.png",
+        help="or .svg, .pdf; default: FILE's name with .png, here",
+    ),
     description="""\
-Draw the limb with its regions, the sockets of a study file on it, and the cases, as PNG.
+Draw the limb with its regions, the sockets of a study file on it, and the cases.
 """,
     solves=False,
 )
 @first_rank
 def show(arguments: Namespace) -> None:
     """Draw the limb and the sockets of a study file."""
+    from calfsocket.plotting.names import FORMATS
     from calfsocket.study.preview import draw
     from calfsocket.study.study import Study
 
     path = arguments.out or Path(arguments.file.with_suffix(".png").name)
-    if path.suffix != ".png":
-        raise InputError(f"--out {path}: pictures are PNG files; use a name that ends in .png")
+    if path.suffix[1:] not in FORMATS:
+        endings = ", ".join(f".{form}" for form in FORMATS)
+        raise InputError(f"--out {path}: a picture's name ends in one of {endings}")
     plan = Study.read(arguments.file).plan
     try:
         draw(plan, path)

@@ -3,18 +3,20 @@
 import importlib.metadata
 import platform
 
-import dolfinx
-from mpi4py import MPI
-from petsc4py import PETSc
-
 import calfsocket
-from calfsocket.io.system import gmsh
 
 PACKAGES = ("fenics-ufl", "fenics-basix", "numpy", "scipy", "pyvista")
 
 
 def versions() -> dict[str, str]:
     """Version of each package by its name; "unknown" where the package has none."""
+    # Reports read records that have versions: they need none of these, and take a second less.
+    import dolfinx
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+    from calfsocket.io.system import gmsh
+
     found = {"calfsocket": calfsocket.__version__, "python": platform.python_version()}
     found["fenics-dolfinx"] = dolfinx.__version__  # its distribution has several names
     for package in PACKAGES:

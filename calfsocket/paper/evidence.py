@@ -48,6 +48,27 @@ class _OfSets(dict[str, Any]):
 class Evidence(Findings):
     """Findings of the paper's cases alone, and what is computed for more than one claim."""
 
+    report: Findings | None = None
+    """Those of a report whose results these are among: what it has computed is taken from it."""
+
+    @cached_property
+    def changes(self) -> pd.DataFrame:
+        """Relative changes from the Separate to the Combined set."""
+        if self.report is None:
+            return super().changes
+        rows = self.report.changes
+        mine = rows.socket.isin(complete_sockets(self.results))
+        return rows[mine & rows.tissue.isin(self.soft_tissues)].reset_index(drop=True)
+
+    @cached_property
+    def damage(self) -> pd.DataFrame:
+        """Strains against the damage thresholds."""
+        if self.report is None:
+            return super().damage
+        rows = self.report.damage
+        mine = [key in self.results for key in zip(rows.socket, rows.material_set, strict=True)]
+        return rows[mine].reset_index(drop=True)
+
     @cached_property
     def settings(self) -> dict[str, Any]:
         """Settings of the study, by their last name."""
@@ -96,6 +117,11 @@ class Evidence(Findings):
         return {name: 100 * (1 - face.area / area) for name, face in self.inner_faces.items()}
 
     @cached_property
+    def materials(self) -> pd.DataFrame:
+        """`comparison.materials` of the study."""
+        return comparison.materials(self.parameters)
+
+    @cached_property
     def maxima(self) -> pd.DataFrame:
         """`comparison.maxima` of the study."""
         return comparison.maxima(self)
@@ -139,10 +165,12 @@ class Evidence(Findings):
         self.need([(socket, material_set)])
         return self.results.value(socket, material_set, tissue, quantity)
 
-    def row(self, socket: str, material_set: str, tissue: str, quantity: str) -> pd.Series:
+    def row(self, socket: str, material_set: str, tissue: str, quantity: str) -> Any:
         """Row of the summary; refuse the check when the case is missing."""
-        key = {"socket": socket, "material_set": material_set}
         self.need([(socket, material_set)])
-        wanted = pd.Series(key | {"tissue": tissue, "quantity": quantity})
-        rows = self.results.summary
-        return rows[(rows[wanted.index] == wanted).all(axis=1)].iloc[0]
+        return self._rows[socket, material_set, tissue, quantity]
+
+    @cached_property
+    def _rows(self) -> dict[tuple[str, ...], Any]:
+        rows = self.results.summary.itertuples()
+        return {(row.socket, row.material_set, row.tissue, row.quantity): row for row in rows}

@@ -99,7 +99,8 @@ class PaperGuest(Guest):
     @cached_property
     def evidence(self) -> Evidence:
         """What its claims are checked against."""
-        return Evidence(self.findings.results.only(self.keys), self.findings.thresholds)
+        results = self.findings.results.only(self.keys)
+        return Evidence(results, self.findings.thresholds, report=self.findings)
 
     @property
     def figures(self) -> Mapping[str, Draw]:

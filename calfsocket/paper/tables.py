@@ -28,7 +28,7 @@ def tables(evidence: Evidence) -> dict[str, Table]:
     """
     maxima, changes = evidence.maxima, evidence.compared_changes
     made = [_maxima(2, maxima, STRESSES), _maxima(4, maxima, STRAINS)]
-    made.append(_materials(comparison.materials(evidence.parameters)))
+    made.append(_materials(evidence.materials))
     if len(changes):
         made += [_changes(3, changes, STRESSES), _changes(5, changes, STRAINS)]
     made += [_agreement(maxima), _pressure(evidence)]

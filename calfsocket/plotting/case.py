@@ -6,10 +6,8 @@ contact pressure on the skin, on the same scales in all pictures.
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
@@ -85,13 +83,12 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, directions: F
 
     figure = Figure(figsize=(7.0, 8.0), dpi=PIXELS / 7.0)
     axes = figure.add_axes((0.0, 0.08, 1.0, 7.0 / 8.0))
-    shades = matplotlib.colormaps[drawing.STRESS_COLOURS].with_extremes(over=drawing.ABOVE)
-    stress = ScalarMappable(Normalize(0, STRESS_LIMIT_KPA), shades)
+    drawing.frame(axes, window)
+    stress = drawing.colour_scale(0, STRESS_LIMIT_KPA, drawing.STRESS_COLOURS, drawing.ABOVE)
     drawing.draw_field(
         axes,
-        fields,
+        drawing.DeformedSection(fields),
         quantities.nodal["effective_stress"],
-        drawing.section_raster(fields, window, PIXELS),
         stress,
         linewidth=0.55,
         zorder=3,
@@ -101,7 +98,6 @@ def draw(quantities: Quantities, contact: ContactLine, title: str, directions: F
     band.draw(axes, levels, fontsize=7)
     drawing.mark_directions(axes, window, directions, fontsize=9)
     drawing.scale_bar(axes, window, fontsize=8)
-    drawing.frame(axes, window)
     _draw_legend(figure, stress, fields)
     fontsize = 13 * min(1.0, LONGEST_TITLE / len(title))
     figure.text(0.5, 0.965, title, ha="center", fontsize=fontsize, parse_math=False)

@@ -135,22 +135,22 @@ def _local(
 
 
 class FieldImage(Artist):
-    """A field in colours, over all of its axes.
+    """A field in colours over all of its axes, white where there is no value.
 
     Its pixels are those of the figure at its resolution, in every kind of file: what has as many
     is shown as it is, and more are averaged, once.
     """
 
-    def __init__(self, values: np.ma.MaskedArray, scale: ScalarMappable, zorder: float) -> None:
+    def __init__(self, values: np.ma.MaskedArray, scale: ScalarMappable) -> None:
         super().__init__()
         self.values, self.scale = values, scale
-        self.set_zorder(zorder)
+        self.set_zorder(-1)  # below all else, of which it would hide what is outside the cells
 
     @cached_property
     def picture(self) -> Image.Image:
-        """The colours, the lowest row first; transparent where there is no value."""
+        """The colours, the lowest row first."""
         inside = ~np.ma.getmaskarray(self.values)
-        rgba = np.zeros((*inside.shape, 4), np.uint8)
+        rgba = np.full((*inside.shape, 4), 255, np.uint8)
         rgba[inside] = self.scale.cmap(self.scale.norm(self.values.data[inside]), bytes=True)
         return Image.fromarray(rgba)
 

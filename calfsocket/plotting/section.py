@@ -1,11 +1,15 @@
 """What every drawing of the section shares: outlines, fields, directions, colours."""
 
 from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
@@ -27,6 +31,8 @@ TISSUE_COLOURS = {
 }
 # Light where the value is low, so that outlines show; colour-blind eyes can read them, too.
 STRESS_COLOURS = "YlGnBu"
+SHADES = 250
+"""With those of what is beyond a scale, and white, they fit into one byte a pixel of a PDF."""
 ABOVE = "#cc3c58"
 BONE = "#d9d9d9"
 SOCKET = "#555555"
@@ -52,10 +58,12 @@ def outlines(
 ) -> Path:
     """Return the edges at which the region of some cells ends, each once: curves of one path."""
     edges = _edges(cells)
-    _, first = np.unique(edges[:, 2], return_index=True)
-    _, last = np.unique(edges[::-1, 2], return_index=True)
-    last = len(edges) - 1 - last  # of the edge's second cell, where it has one
-    shown = edges[first[(first == last) | (region[first // 3] != region[last // 3])]]
+    place, middle = np.arange(len(edges)), edges[:, 2]
+    first = np.full(len(points), -1)
+    last = first.copy()  # of the edge's second cell, where it has one
+    last[middle], first[middle[::-1]] = place, place[::-1]  # what is assigned last stays
+    a, b = first[first >= 0], last[last >= 0]
+    shown = edges[a[(a == b) | (region[a // 3] != region[b // 3])]]
     vertices = np.stack([points[shown[:, 0]], _control(points, shown), points[shown[:, 1]]], axis=1)
     codes = np.tile(np.array([Path.MOVETO, Path.CURVE3, Path.CURVE3], np.uint8), len(shown))
     return Path(vertices.reshape(-1, 2), codes)
@@ -70,8 +78,7 @@ def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
     The cells are six-node triangles, all turning the same way, (n_cells, 6).
     """
     edges = _edges(cells)
-    _, index, count = np.unique(edges[:, 2], return_index=True, return_counts=True)
-    edges = edges[np.sort(index[count == 1])]
+    edges = edges[np.bincount(edges[:, 2])[edges[:, 2]] == 1]
     ends = [int(end) for end in edges[:, 1]]
     onward = {int(start): place for place, start in enumerate(edges[:, 0])}
     rings = []
@@ -91,11 +98,6 @@ def _closed(edges: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
     codes = np.full(len(vertices), Path.CURVE3, np.uint8)
     codes[0], codes[-1] = Path.MOVETO, Path.CLOSEPOLY
     return Path(vertices, codes)
-
-
-def limb_boundary(fields: SectionFields, points: NDArray[np.float64]) -> Path:
-    """Return the outline of the limb, with a hole where it is fixed."""
-    return boundary(fields.cells[fields.cells_of(*SUMMARY_TISSUES, "bone")], points)
 
 
 def draw_path(axes: Axes, path: Path, **style: Any) -> PathPatch:
@@ -136,30 +138,73 @@ def draw_outlines(
     draw_path(axes, path, fill=False, edgecolor=OUTLINE, **style)
 
 
-def section_raster(fields: SectionFields, window: Window, pixels: int) -> Raster:
-    """Return the pixels of an image of the deformed soft tissues and liner."""
-    return Raster.of(fields.deformed[fields.cells[fields.cells_of(*REPORTED)]], window, pixels)
+@dataclass(frozen=True, eq=False)
+class DeformedSection:
+    """What drawings of one deformed section share, each part found once."""
+
+    fields: SectionFields
+    _rasters: dict[tuple[Window, int], Raster] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def limb(self) -> Path:
+        """Outline of the limb, with a hole where it is fixed."""
+        return self._boundary(*SUMMARY_TISSUES, "bone")
+
+    @cached_property
+    def bone(self) -> Path:
+        """Outlines of the bones."""
+        return self._boundary("bone")
+
+    @cached_property
+    def socket(self) -> Path:
+        """Outline of the socket."""
+        return self._boundary("socket")
+
+    @cached_property
+    def outlines(self) -> Path:
+        """Outlines of all regions."""
+        return outlines(self.fields.cells, self.fields.region, self.fields.deformed)
+
+    def _boundary(self, *tissues: str) -> Path:
+        cells = self.fields.cells[self.fields.cells_of(*tissues)]
+        return boundary(cells, self.fields.deformed) if len(cells) else Path(np.empty((0, 2)))
+
+    def raster(self, window: Window, pixels: int) -> Raster:
+        """Return the pixels, `pixels` across a window, of the soft tissues and liner."""
+        if (window, pixels) not in self._rasters:
+            cells = self.fields.cells[self.fields.cells_of(*REPORTED)]
+            found = Raster.of(self.fields.deformed[cells], window, pixels)
+            self._rasters[window, pixels] = found
+        return self._rasters[window, pixels]
+
+
+def colour_scale(low: float, high: float, colours: str, beyond: str) -> ScalarMappable:
+    """Return colours between two limits, and one beyond them."""
+    shades = matplotlib.colormaps[colours].resampled(SHADES)
+    return ScalarMappable(Normalize(low, high), shades.with_extremes(over=beyond, under=beyond))
 
 
 def draw_field(
     axes: Axes,
-    fields: SectionFields,
+    section: DeformedSection,
     values: NDArray[np.float64],
-    raster: Raster,
     scale: ScalarMappable,
     linewidth: float,
     zorder: float = 0,
 ) -> None:
-    """Draw a field of the deformed soft tissues and liner, with what is hard.
+    """Draw a field of the deformed soft tissues and liner, and with `zorder` what is hard.
 
     `values` are those at the six nodes of every cell, (n_cells, 6): they may jump from cell to
-    cell. `raster` is that of `section_raster` for the window of the axes.
+    cell. They are shown at the middle of each pixel of the figure, in the window of the axes.
     """
-    points, shown = fields.deformed, raster.image(values[fields.cells_of(*REPORTED)])
-    axes.add_artist(FieldImage(shown, scale, zorder))
-    draw_tissue(axes, fields, points, "bone", facecolor=BONE, zorder=zorder)
-    draw_tissue(axes, fields, points, "socket", facecolor=SOCKET, zorder=zorder)
-    draw_outlines(axes, fields, points, linewidth=linewidth, zorder=zorder + 1)
+    window = (*axes.get_xlim(), *axes.get_ylim())
+    raster = section.raster(window, round(axes.bbox.width))
+    shown = raster.image(values[section.fields.cells_of(*REPORTED)])
+    axes.add_artist(FieldImage(shown, scale))
+    draw_path(axes, section.bone, facecolor=BONE, linewidth=0, zorder=zorder)
+    draw_path(axes, section.socket, facecolor=SOCKET, linewidth=0, zorder=zorder)
+    style = {"fill": False, "edgecolor": OUTLINE, "linewidth": linewidth}
+    draw_path(axes, section.outlines, **style, zorder=zorder + 1)
 
 
 def frame(axes: Axes, window: Window) -> None:

@@ -158,10 +158,8 @@ def panels(
                 if i == len(rows) - 1 and j == 0 and block is blocks[-1]:
                     drawing.scale_bar(axes, window, fontsize=6, margin=0.5)
             if row:
-                label = add_axes(figure, 0.0, bottom, left, height)
-                drawing.frame(label, (0, left, 0, height))
-                label.text(left / 2, height / 2, row, rotation=90, ha="center", va="center",
-                           fontsize=8.5)  # fmt: skip
+                x, y = left / 2 / WIDTH_MM, (bottom + height / 2) / total
+                figure.text(x, y, row, rotation=90, ha="center", va="center", fontsize=8.5)
             bottom -= below
     if len(sockets) > MOST_SHOWN:
         figure.text(

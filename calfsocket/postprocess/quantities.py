@@ -312,12 +312,15 @@ class Quantities:
         At the site of its own maximum a case holds that maximum. The limb's mesh is the same in
         both material sets, so that there the pair is the same, too.
         """
-        inside = self._pairs_of[tissue]
-        if not len(inside):
+        if not len(self._pairs_of[tissue]):
             return np.nan
+        return float(self.levels[quantity][self.nearest(tissue, x_mm, y_mm)])
+
+    def nearest(self, tissue: str, x_mm: float, y_mm: float) -> int:
+        """Return the tissue's pair whose common edge is nearest to a site (reference section)."""
+        inside = self._pairs_of[tissue]
         middle = self.fields.points[self.pairs.edge_node[inside]]
-        nearest = np.argmin(np.linalg.norm(middle - (x_mm, y_mm), axis=1))
-        return float(self.levels[quantity][inside[nearest]])
+        return int(inside[np.argmin(np.linalg.norm(middle - (x_mm, y_mm), axis=1))])
 
     @cached_property
     def _pairs_of(self) -> dict[str, NDArray[np.int64]]:

@@ -16,7 +16,8 @@ from calfsocket.meshes.frame import Frame
 from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
 from calfsocket.plotting import section
-from calfsocket.plotting.raster import Raster, Window
+from calfsocket.plotting.raster import Window
+from calfsocket.plotting.section import DeformedSection
 from calfsocket.plotting.style import window_around
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
@@ -31,9 +32,6 @@ from calfsocket.simulation.results import Key, Results
 STIFF = 10.0
 """A tissue is a stiff sheet in another whose initial shear modulus is smaller by this factor."""
 
-PIXELS = 1000
-"""Of a field's image across a panel: half as many again as 300 dpi show, which are averaged."""
-
 AREA_DIGITS = 2
 """Decimals of a share of area in %: two areas that agree in them are called equal."""
 
@@ -44,7 +42,7 @@ class Findings:
 
     study: Results
     thresholds: DamageThresholds = field(default_factory=DamageThresholds)
-    _rasters: dict[Key, Raster] = field(default_factory=dict, init=False)
+    _sections: dict[Key, DeformedSection] = field(default_factory=dict, init=False)
 
     @cached_property
     def results(self) -> Results:
@@ -68,12 +66,12 @@ class Findings:
         """What drawings of the deformed section show: the same piece in every case."""
         return window_around(*(each.fields.deformed for each in self.results.values()), margin_mm=2)
 
-    def raster(self, result: Result) -> Raster:
-        """Return the pixels of a case's section in the window, for all of its fields."""
+    def section(self, result: Result) -> DeformedSection:
+        """Return the deformed section of a case, for all drawings of it."""
         key = result.record.key
-        if key not in self._rasters:
-            self._rasters[key] = section.section_raster(result.fields, self.window, PIXELS)
-        return self._rasters[key]
+        if key not in self._sections:
+            self._sections[key] = DeformedSection(result.fields)
+        return self._sections[key]
 
     # --- the limb
 

@@ -123,6 +123,6 @@ class Page:
             return Markup()
         table = replace(self.tables[name], title=title, caption=tidy(caller().striptags()))
         table.write(self.folder / TABLES)
-        return table.html() + Markup(
+        return table.html + Markup(
             '<p class="files"><a href="{0}.csv">CSV</a> <a href="{0}.md">Markdown</a></p>\n'
         ).format(f"{TABLES}/{name}")

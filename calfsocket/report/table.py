@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import pandas as pd
@@ -27,8 +28,9 @@ class Table:
     title: str = ""
     caption: str = ""
 
+    @cached_property
     def html(self) -> Markup:
-        """Return a fragment without styles: a figure whose table may scroll in its own box."""
+        """A fragment without styles: a figure whose table may scroll in its own box."""
         body = self.shown.to_html(border=0, na_rep="", index_names=False, justify="unset")
         body = body.replace(' style="text-align: unset;"', "")  # styles are the page's
         return render("table.html", table=self, body=Markup(body))
@@ -50,7 +52,7 @@ class Table:
         """Write NAME.csv, NAME.md and NAME.html."""
         with replacing(folder / f"{self.name}.csv") as path:
             self.data.to_csv(path, index=False, float_format=FLOAT_FORMAT)
-        for extension, text in (("md", self.markdown()), ("html", str(self.html()))):
+        for extension, text in (("md", self.markdown()), ("html", str(self.html))):
             with replacing(folder / f"{self.name}.{extension}") as path:
                 path.write_text(text, encoding="utf-8")
 

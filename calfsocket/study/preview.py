@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.path import Path as Outline
 
-from calfsocket.io.files import replacing
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.curves import ClosedCurve
@@ -18,6 +17,7 @@ from calfsocket.meshes.levels import Place, sections
 from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.lining import fitted
 from calfsocket.meshes.socket import AnySocket
+from calfsocket.plotting import files
 from calfsocket.plotting import section as drawing
 from calfsocket.study.cases import Case, Plan
 
@@ -30,7 +30,7 @@ PANEL_INCH, LINE_INCH = 4.0, 0.135
 
 
 def draw(plan: Plan, path: Path) -> None:
-    """Draw a plan as PNG."""
+    """Draw a plan as the file that a path names: PNG, SVG or PDF."""
     sockets = _different(plan)
     columns = min(len(sockets), 3)
     rows = -(-len(sockets) // columns)
@@ -51,8 +51,7 @@ def draw(plan: Plan, path: Path) -> None:
         0.02, (text - 0.05) / size[1], "\n".join(lines), va="top", family="monospace", fontsize=8,
         parse_math=False,
     )  # fmt: skip
-    with replacing(path) as temporary:
-        figure.savefig(temporary, facecolor="white")
+    files.save(figure, path)
 
 
 def _different(plan: Plan) -> list[Case]:

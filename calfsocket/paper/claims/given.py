@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.paper import comparison, published
+from calfsocket.paper import published
 from calfsocket.paper.claims.rules import Fact
 from calfsocket.paper.claims.tolerances import HALF_A_DIGIT, SAME
 from calfsocket.paper.evidence import (
@@ -65,8 +65,7 @@ def law_of_each_tissue(e: Evidence) -> Fact:
 
 def parameters(e: Evidence, of: str) -> Fact:
     """Return the relative deviations of a material's parameters from Table 1."""
-    rows = comparison.materials(e.parameters)
-    rows = rows[rows.material == of]
+    rows = e.materials[e.materials.material == of]
     if rows.empty:
         raise NotChecked("needs another material set, which is not in this study")
     off = ((rows.ours - rows.paper) / rows.paper).abs()
@@ -159,6 +158,14 @@ def _in_limb(fields: SectionFields) -> NDArray[np.bool_]:
     return fields.tissue != TISSUES.index("socket")
 
 
+def _limb_nodes(fields: SectionFields) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the limb's nodes, and its cells (n, 6) as places among them."""
+    cells = fields.cells[_in_limb(fields)]
+    inside = np.zeros(len(fields.points), bool)
+    inside[cells] = True
+    return np.flatnonzero(inside), (np.cumsum(inside) - 1)[cells]
+
+
 def elements(e: Evidence, of: str) -> Fact:
     """Return the numbers of elements of the limb, or of the sockets."""
     inside = [_in_limb(result.fields) for result in e.results.values()]
@@ -175,15 +182,14 @@ def areas(e: Evidence) -> dict[str, float]:
 def shared_nodes(e: Evidence) -> Fact:
     """Return whether the limb is one connected mesh, without two nodes in one place."""
     fields = e.any_case().fields
-    cells = fields.cells[_in_limb(fields)]
-    nodes, local = np.unique(cells, return_inverse=True)
-    local = local.reshape(cells.shape)
+    nodes, local = _limb_nodes(fields)
     links = coo_array(
-        (np.ones(5 * len(cells)), (np.repeat(local[:, 0], 5), local[:, 1:].ravel())),
+        (np.ones(5 * len(local)), (np.repeat(local[:, 0], 5), local[:, 1:].ravel())),
         shape=(len(nodes), len(nodes)),
     )
     pieces, _ = connected_components(links, directed=False)
-    places = len(np.unique(fields.points[nodes].round(9), axis=0))
+    x, y = fields.points[nodes].round(9).T
+    places = len(np.unique(x + 1j * y))
     parts = {"nodes": len(nodes), "places": places, "pieces": pieces}
     return {"value": pieces == 1 and places == len(nodes), **parts}
 
@@ -206,9 +212,8 @@ def other_meshes(e: Evidence) -> Fact:
         raise NotChecked("needs two runs to compare")
     meshes = {}
     for key, result in e.results.items():
-        fields = result.fields
-        nodes, local = np.unique(fields.cells[_in_limb(fields)], return_inverse=True)
-        meshes["_".join(key)] = (fields.points[nodes], local.ravel())
+        nodes, local = _limb_nodes(result.fields)
+        meshes["_".join(key)] = (result.fields.points[nodes], local)
     first = next(iter(meshes.values()))
     same = {name: all(map(np.array_equal, first, mesh)) for name, mesh in meshes.items()}
     differ = [name for name in meshes if not same[name]]
@@ -282,11 +287,8 @@ def maxima_reached(e: Evidence) -> Fact:
     """Return the share of maxima that five nodes and two neighbouring elements reach."""
     reached = []
     for quantities, tissue, name, level in _levels(e):
-        fields, pairs = quantities.fields, quantities.pairs
-        middles = fields.points[pairs.edge_node]
-        distance = np.linalg.norm(middles - (level.x_mm, level.y_mm), axis=1)
-        distance[fields.tissue[pairs.cells[:, 0]] != TISSUES.index(tissue)] = np.inf
-        pair = np.argmin(distance)
+        pairs = quantities.pairs
+        pair = quantities.nearest(tissue, level.x_mm, level.y_mm)
         nodal = quantities.nodal[name].ravel()[pairs.corner[pair]]
         mean = quantities.mean[name][pairs.cells[pair]]
         if name == "amp_log_strain":

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -37,9 +35,7 @@ class Map:
     @property
     def scale(self) -> ScalarMappable:
         """Colours within and beyond the limits."""
-        shades = matplotlib.colormaps[self.colours]
-        shades = shades.with_extremes(over=self.beyond, under=self.beyond)
-        return ScalarMappable(Normalize(self.low, self.high), shades)
+        return drawing.colour_scale(self.low, self.high, self.colours, self.beyond)
 
 
 EFFECTIVE_STRESS = Map(
@@ -69,9 +65,8 @@ def draw_map(findings: Findings, what: Map) -> Figure:
     def draw(axes: Axes, result: Result) -> None:
         drawing.draw_field(
             axes,
-            result.fields,
+            findings.section(result),
             result.quantities.nodal[what.quantity],
-            findings.raster(result),
             what.scale,
             linewidth=0.3,
         )

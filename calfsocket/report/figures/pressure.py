@@ -44,11 +44,9 @@ def contact_pressure(findings: Findings) -> Figure:
     window = window_around(*reach, margin_mm=3.0)
 
     def draw(axes: Axes, result: Result) -> None:
-        fields, band = result.fields, bands[result.record.key]
-        points = fields.deformed
-        limb = drawing.limb_boundary(fields, points)
-        drawing.draw_path(axes, limb, facecolor=LIMB, linewidth=0, zorder=3)
-        drawing.draw_tissue(axes, fields, points, "bone", facecolor=BONE_DARK, zorder=4)
+        section, band = findings.section(result), bands[result.record.key]
+        drawing.draw_path(axes, section.limb, facecolor=LIMB, linewidth=0, zorder=3)
+        drawing.draw_path(axes, section.bone, facecolor=BONE_DARK, linewidth=0, zorder=4)
         band.draw(axes, levels, fontsize=6)
         smooth = result.line.running_mean_kPa
         peak = int(np.argmax(smooth))
@@ -56,7 +54,7 @@ def contact_pressure(findings: Findings) -> Figure:
             axes.plot(*band.at(band.pressure_kPa)[peak], **PEAK, zorder=6)
         mean = result.contact_levels["contact_pressure_mean"].value
         share = result.contact_levels["contact_share"].value
-        outline = np.asarray(limb.vertices)
+        outline = np.asarray(section.limb.vertices)
         low, high = outline.min(axis=0), outline.max(axis=0)
         x, y = 0.5 * (low + high)
         axes.text(

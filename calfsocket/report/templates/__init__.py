@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from calfsocket.report import names
 from calfsocket.report.words import change, changes, listed, number
@@ -28,6 +28,11 @@ def render(template: str, package: str = PACKAGE, **values: Any) -> Markup:
 def tidy(text: str) -> str:
     """Return a text on one line, without blanks before commas and full stops."""
     return re.sub(r"\s+(?=[,.;:)])", "", " ".join(text.split()))
+
+
+def commands(text: str) -> Markup:
+    """Return a text in which what stands in backticks is set as code."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
 
 
 def read(name: str, package: str = PACKAGE) -> str | None:
@@ -53,6 +58,7 @@ def environment(package: str) -> Environment:
         "region": names.region,
         "tissue": names.TISSUES.get,
         "quantity": names.QUANTITIES.get,
+        "commands": commands,
         "upper_first": lambda text: text[:1].upper() + text[1:],
     }
     return made
