@@ -24,6 +24,7 @@ def test_laws_in_getfems_language_have_the_stress_of_their_closed_forms():
         *MaterialSet.paper("separate").laws.values(),
         Ogden(mu=(0.03, -0.01), alpha=(2.0, -3.5), d1=0.2),
         Ogden(mu=(0.2,), alpha=(12.0,), nu=0.5),
+        Ogden(mu=(0.2,), alpha=(12.0,), d1=0.2, form="as-printed"),
         Yeoh(c10=1.0, c20=-0.5, c30=2.0),
         Hencky(e=3.0, nu=0.5),
     ]

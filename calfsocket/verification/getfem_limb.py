@@ -73,6 +73,7 @@ ITERATIONS = 40
 """Of Newton's method in a load step: active sets settle within half of them, or not at all."""
 
 SMALLEST_STEP = 1 / 320
+"""Load step below which a failure ends the run: far below a step that fascia needs to wave."""
 
 
 def bulk_modulus(law: Mapping[str, Any]) -> float:
@@ -85,11 +86,15 @@ def bulk_modulus(law: Mapping[str, Any]) -> float:
 
 
 def isochoric(law: Mapping[str, Any], F: str, out: str) -> str:
-    """Isochoric energy of a law (Abaqus's form of Ogden's) in GetFEM's language, MPa."""
+    """Isochoric energy of a law in GetFEM's language, MPa; `out` is the stretch out of plane."""
     match law["law"]:
         case "ogden":
-            terms = zip(law["mu"], law["alpha"], strict=True)
-            return "+".join(f"Ogden({F},{out},{2 * mu / a**2!r},{a!r})" for mu, a in terms)
+            abaqus = law["form"] == "abaqus"
+            terms = [
+                (2 * mu / a**2 if abaqus else mu / a, a)
+                for mu, a in zip(law["mu"], law["alpha"], strict=True)
+            ]
+            return "+".join(f"Ogden({F},{out},{factor!r},{a!r})" for factor, a in terms)
         case "yeoh":
             return f"Yeoh({F},{out},{law['c10']!r},{law['c20']!r},{law['c30']!r})"
         case "hencky":
