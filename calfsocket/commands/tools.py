@@ -52,12 +52,18 @@ def mesh(arguments: Namespace) -> None:
 def verify(comm: Comm, arguments: Namespace) -> int:
     """Solve problems with known answers and report the errors."""
     from calfsocket.simulation.precompile import precompile
+    from calfsocket.verification import peer
     from calfsocket.verification.limb import coarsest_first
     from calfsocket.verification.page import SUBJECTS, chosen_subjects, write_page
 
     if comm.size > 1:
         raise InputError("verify: runs on one rank; start it without mpirun")
-    subjects = chosen_subjects(arguments.only.split(",")) if arguments.only else SUBJECTS
+    subjects = chosen_subjects(arguments.only.split(",") if arguments.only else SUBJECTS)
+    if "peer" in subjects and (missing := peer.missing()):
+        if arguments.only:
+            raise InputError(f"verify --only peer: {missing}")
+        print(f"verify: the section peer is left out: {missing}")
+        subjects.remove("peer")
     sizes = coarsest_first(arguments.size.split(","))
     precompile(comm)
     limb = {"limb": {"sizes": sizes, "results": arguments.results}}

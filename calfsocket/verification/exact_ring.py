@@ -21,7 +21,7 @@ from calfsocket.verification.radial import (
 )
 from calfsocket.verification.report import LOG, Check, Curve, Section, curves
 from calfsocket.verification.ring_stability import onset, unstable_waves
-from calfsocket.verification.sampling import FloatArray, skin_mean, worst
+from calfsocket.verification.sampling import FloatArray, skin_mean, triangle_shapes, worst
 
 OVERCLOSURE = 0.92
 """mm; 5.3 % of the limb's area, as much as the tightest socket of the study takes off. No quarter
@@ -113,7 +113,7 @@ def ring_errors(problem: Problem, tissues: dict[str, str], exact: ExactRing) -> 
     fields = section_fields(problem, tissues)
     assert fields is not None  # one rank
     position = np.einsum(
-        "qa,cad->cqd", _triangle_shapes(fields.gauss_points), fields.points[fields.cells]
+        "qa,cad->cqd", triangle_shapes(fields.gauss_points), fields.points[fields.cells]
     )
     radius = np.linalg.norm(position, axis=2)
     # Points of an axisymmetric solution move along their own radius.
@@ -140,15 +140,6 @@ def ring_errors(problem: Problem, tissues: dict[str, str], exact: ExactRing) -> 
             f"rms_{of}": np.sqrt(np.mean(error**2)) for of, error in errors.items()
         }
     return pd.DataFrame.from_dict(rows, orient="index")
-
-
-def _triangle_shapes(at: FloatArray) -> FloatArray:
-    """Shape functions of VTK's six-node triangle at reference coordinates (n, 2); (n, 6)."""
-    x, y = at.T
-    z = 1.0 - x - y
-    return np.stack(
-        [z * (2 * z - 1), x * (2 * x - 1), y * (2 * y - 1), 4 * z * x, 4 * x * y, 4 * y * z], axis=1
-    )
 
 
 SIZES = (4.0, 2.0, 1.0)

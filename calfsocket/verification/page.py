@@ -45,6 +45,7 @@ SUBJECTS = (
     "fretting",
     "limb",
     "limb_friction",
+    "peer",
 )
 """Modules of this package with a function ``report() -> Section``, in the order of the page; what
 they fill is ``pages/SUBJECT.md``."""

@@ -79,6 +79,15 @@ def deviation(values: FloatArray, exact: FloatArray, weight: FloatArray) -> floa
     return float(np.sqrt(weight @ (values - exact) ** 2 / (weight @ exact**2)))
 
 
+def triangle_shapes(at: FloatArray) -> FloatArray:
+    """Shape functions of VTK's six-node triangle at reference coordinates (n, 2); (n, 6)."""
+    x, y = at.T
+    z = 1.0 - x - y
+    return np.stack(
+        [z * (2 * z - 1), x * (2 * x - 1), y * (2 * y - 1), 4 * z * x, 4 * x * y, 4 * y * z], axis=1
+    )
+
+
 def worst(values: Sequence[float] | FloatArray) -> float:
     """Largest magnitude."""
     return float(np.abs(values).max())
