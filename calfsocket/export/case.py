@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -29,6 +30,12 @@ SIDES = ((0, 1), (1, 2), (2, 0))
 
 PARTS = 4
 """Straight pieces that stand for a quadratic edge where distances of curves are measured."""
+
+
+def rows(values: FloatArray) -> list[list[float]]:
+    """Rows of an array as lists of plain numbers."""
+    listed: Any = values.tolist()
+    return list(listed)
 
 
 @dataclass(frozen=True)
@@ -161,9 +168,9 @@ class ExportedCase:
     def _cells_of_middle(self) -> dict[int, list[tuple[int, int]]]:
         """Cells and sides that a node between two corners belongs to."""
         found: dict[int, list[tuple[int, int]]] = {}
-        for cell, middles in enumerate(self.mesh.cells[:, 3:].tolist()):
-            for side, node in enumerate(middles):
-                found.setdefault(node, []).append((cell, side))
+        for cell, middles in enumerate(self.mesh.cells[:, 3:]):
+            for side in range(len(SIDES)):
+                found.setdefault(int(middles[side]), []).append((cell, side))
         return found
 
     @cached_property
@@ -262,7 +269,7 @@ class ExportedCase:
             distance = float(limb.distance(rim))
             if wide.contains(limb):
                 return distance
-            return -float(shapely.distance(skin, wide).max()) or distance
+            return -float(np.max(shapely.distance(skin, wide))) or distance
 
         if clearance(0.0) >= CLEARANCE:
             return 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import calfsocket
-from calfsocket.export.case import SIDES, ExportedCase, LoadStep
+from calfsocket.export.case import SIDES, ExportedCase, LoadStep, rows
 from calfsocket.export.laws import Converted, Invariant, Linear, Series, converted
 from calfsocket.mechanics.carrier import COMPONENTS
 from calfsocket.meshes import tags
@@ -156,12 +156,12 @@ class _Writer:
     def _mesh(self, parent: ET.Element) -> None:
         case = self.case
         nodes = _add(parent, "Nodes", name="section")
-        flat = case.mesh.points
+        flat = rows(case.mesh.points)
         for number, (x, y, z) in enumerate(
             [
                 *((x, y, 0.0) for x, y in flat),
                 *((x, y, THICKNESS) for x, y in flat),
-                *((x, y, 0.5 * THICKNESS) for x, y in flat[self._corners]),
+                *((x, y, 0.5 * THICKNESS) for x, y in rows(case.mesh.points[self._corners])),
             ],
             1,
         ):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import count
 
 import calfsocket
-from calfsocket.export.case import ExportedCase, LoadStep, Material
+from calfsocket.export.case import ExportedCase, LoadStep, Material, rows
 from calfsocket.export.laws import Converted, Invariant, Linear, Series, converted
 from calfsocket.meshes import tags
 
@@ -134,7 +134,7 @@ class _Writer:
         case = self.case
         mesh = case.mesh
         yield "*NODE, NSET=NODES"
-        for number, (x, y) in enumerate(mesh.points, 1):
+        for number, (x, y) in enumerate(rows(mesh.points), 1):
             yield f"{number}, {x:.12g}, {y:.12g}, 0."
         for region in mesh.regions:
             yield f"*ELEMENT, TYPE={self.dialect.element}, ELSET={region}"
@@ -253,10 +253,12 @@ class _Writer:
         for number in (moves, turns):
             yield f"{number}, {middle[0]:.12g}, {middle[1]:.12g}, 0."
         yield f"*NODE, NSET={AS_DONNED}"
-        for number, (x, y) in enumerate(case.mesh.points[outer - 1], turns + 1):
+        for number, (x, y) in enumerate(rows(case.mesh.points[outer - 1]), turns + 1):
             yield f"{number}, {x:.12g}, {y:.12g}, 0."
         yield "*EQUATION"
-        for number, node, (x, y) in zip(count(turns + 1), outer, case.outer_arms, strict=False):
+        for number, node, (x, y) in zip(
+            count(turns + 1), outer, rows(case.outer_arms), strict=False
+        ):
             for axis, lever in ((1, y), (2, -x)):
                 yield "4"
                 yield (
@@ -396,8 +398,9 @@ class _Writer:
             return
         outer = case.nodes(tags.SOCKET_OUTER)
         yield "*BOUNDARY"
-        for node, shift in zip(outer, case.mesh.points[outer] - case.inner_middle, strict=True):
-            for axis, value in enumerate(swelling * shift, 1):
+        shifts = swelling * (case.mesh.points[outer] - case.inner_middle)
+        for node, shift in zip(outer, rows(shifts), strict=True):
+            for axis, value in enumerate(shift, 1):
                 yield f"{node + 1}, {axis}, {axis}, {_number(value)}"
 
     def _loading(self, step: LoadStep) -> Iterator[str]:
@@ -426,9 +429,8 @@ class _Writer:
     def _evenly(self, step: LoadStep) -> Iterator[str]:
         case = self.case
         yield "*CLOAD"
-        for node, force in zip(
-            case.nodes(tags.SOCKET_OUTER), case.even_forces(step.force), strict=True
-        ):
+        forces = rows(case.even_forces(step.force))
+        for node, force in zip(case.nodes(tags.SOCKET_OUTER), forces, strict=True):
             for axis, value in enumerate(force, 1):
                 yield f"{node + 1}, {axis}, {_number(value)}"
 

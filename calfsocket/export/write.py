@@ -13,14 +13,14 @@ from calfsocket.io.schema import nearest
 ExportFormat = Literal["abaqus", "calculix", "febio", "msh", "xdmf"]
 FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
 
+_MESH_ALONE = ["the file has the mesh and its names alone: no laws, contact, constraints or loads"]
+
 _DECKS: dict[str, Callable[[ExportedCase], tuple[str, list[str]]]] = {
     "abaqus": lambda case: keywords.deck(case, keywords.ABAQUS),
     "calculix": lambda case: keywords.deck(case, keywords.CALCULIX),
     "febio": febio.deck,
     "xdmf": lambda case: (mesh_file.xdmf(case.mesh), _MESH_ALONE),
 }
-
-_MESH_ALONE = ["the file has the mesh and its names alone: no laws, contact, constraints or loads"]
 
 
 def checked_format(format: str) -> ExportFormat:
