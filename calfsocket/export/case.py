@@ -168,9 +168,10 @@ class ExportedCase:
     def _cells_of_middle(self) -> dict[int, list[tuple[int, int]]]:
         """Cells and sides that a node between two corners belongs to."""
         found: dict[int, list[tuple[int, int]]] = {}
-        for cell, middles in enumerate(self.mesh.cells[:, 3:]):
+        middles = self.mesh.cells[:, 3:]
+        for cell in range(len(middles)):
             for side in range(len(SIDES)):
-                found.setdefault(int(middles[side]), []).append((cell, side))
+                found.setdefault(int(middles[cell, side]), []).append((cell, side))
         return found
 
     @cached_property
