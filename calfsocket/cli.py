@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 import calfsocket
 from calfsocket.commands import BAD_INPUT, CASE_FAILED, OK, Command, study_files, tools
 from calfsocket.commands.calibrate import calibrate
+from calfsocket.commands.export import export
 from calfsocket.commands.fit import fit
 from calfsocket.commands.limb import limb
 from calfsocket.commands.report import picture, report
@@ -40,6 +41,7 @@ COMMANDS = {
         calibrate,
         fit,
         tools.mesh,
+        export,
         picture,
         report,
         tools.verify,

@@ -17,7 +17,7 @@ FLOORS = (
     ("materials", "imaging"),
     ("contact",),
     ("mechanics",),
-    ("postprocess",),
+    ("export", "postprocess"),
     ("plotting",),
     ("simulation",),
     ("fit", "calibration", "study"),

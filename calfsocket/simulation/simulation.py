@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from mpi4py import MPI
@@ -30,7 +30,7 @@ from calfsocket.meshes import tags
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Fit, Lining, fitted
 from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.section import build, section_mesh
 from calfsocket.meshes.sizing import MeshSize, checked_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
@@ -44,6 +44,10 @@ from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.profile import Phases, Profile
 from calfsocket.simulation.record import CaseRecord, Checks, StateRecord
 from calfsocket.simulation.result import Result
+
+if TYPE_CHECKING:
+    from calfsocket.export.case import ExportedCase
+    from calfsocket.export.write import ExportFormat
 
 STEP_COLUMNS = {
     "step": "number",
@@ -321,6 +325,66 @@ class Simulation:
         if failure:
             raise ConvergenceError(failure, result)
         return result
+
+    def export(self, path: Path | str, format: "ExportFormat") -> tuple[str, ...]:
+        """Write the case as the input of another program, or its mesh (collective).
+
+        Parameters
+        ----------
+        path : Path or str
+            File, which is replaced.
+        format : {"abaqus", "calculix", "febio", "msh", "xdmf"}
+            Abaqus/Standard, CalculiX 2.20, FEBio 4; or the mesh alone, with its names, for gmsh and
+            for ParaView.
+
+        Returns
+        -------
+        tuple of str
+            What has no equivalent, or another one, in that program, a line each; it stands in the
+            head of the file, too.
+
+        Raises
+        ------
+        InputError
+            For an unknown format, a socket that cannot be put on the limb, a geometry that cannot
+            be meshed, or a law of a script's own.
+        """
+        from calfsocket.export.write import checked_format, write
+
+        format = checked_format(format)
+
+        def work() -> tuple[str, ...]:
+            _ = self.placement
+            return write(Path(path), self._exported(), format)
+
+        return on_first_rank(self.comm, work)
+
+    def _exported(self) -> "ExportedCase":
+        """Mesh the section on this process, and return all that a deck is made of."""
+        from calfsocket.export.case import ExportedCase
+
+        liner = self.liner
+        surfaces = tags.SKIN_SURFACE, tags.SOCKET_INNER
+        if liner:
+            on_limb = liner.bonded == "limb"
+            surfaces = (
+                (tags.LINER_SURFACE, tags.SOCKET_INNER)
+                if on_limb
+                else (tags.SKIN_SURFACE, tags.LINER_SURFACE)
+            )
+        return ExportedCase(
+            title=f"{self.socket.name} {self.materials.name}, {self.mesh_size.name} mesh",
+            mesh=build(self.limb, self.socket, self.mesh_size, liner),
+            tissues=self._tissues,
+            laws=self.region_laws,
+            contact=self.contact,
+            surfaces=surfaces,
+            support=self.support,
+            donning=self.donning,
+            frame=self.limb.frame,
+            loading=self.loading,
+            undersize=liner.undersize if liner else 0.0,
+        )
 
     def _keep_checkpoints(
         self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool
