@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calfsocket.postprocess.contact_line import ContactLine
-from calfsocket.postprocess.fields import TISSUES
+from calfsocket.postprocess.fields import TISSUES, SectionFields
 from calfsocket.postprocess.quantities import REPORTED, SIGNED, UNITS, Quantities, reported
 
 if TYPE_CHECKING:
@@ -45,6 +45,9 @@ BELOW, UPPER, LOWER = (
 STATISTICS = ("mean", "rms", *BELOW, *UPPER, *LOWER)
 """Columns of numbers: 99.9 % of the area is below `below_99.9` (in magnitude, where a sign is a
 direction), with its sign below `upper_99.9` and above `lower_99.9`."""
+
+NEARLY_ALL = BELOW[-1]
+"""The level that stands for a tissue's largest value where one number is wanted: it settles."""
 
 LEVEL_COLUMNS = ("tissue", "region", "quantity", "unit", "area_mm2", "length_mm", *STATISTICS)
 
@@ -80,7 +83,7 @@ def statistics(
     mean = np.average(values, weights=weights)
     rms = np.sqrt(np.average(values**2, weights=weights))
     sized = np.abs(values) if quantity in BY_MAGNITUDE else values
-    below, upper, lower = (level(sign, weights, SHARES) for sign in (sized, values, -values))
+    below, upper, lower = (level(each, weights, SHARES) for each in (sized, values, -values))
     numbers = np.concatenate([[mean, rms], below, upper, -lower])
     if quantity in NEVER_NEGATIVE:
         numbers[2 + len(SHARES) :] = np.nan
@@ -107,24 +110,33 @@ def levels(
     """
     import pandas as pd
 
+    fields = quantities.fields
     rows: list[dict[str, object]] = []
-    for tissue in (name for name in REPORTED if TISSUES.index(name) in quantities.fields.tissue):
-        for region, cells in _parts(quantities, tissue).items():
-            weights = quantities.fields.gauss_area[cells].ravel()
-            about = {"tissue": tissue, "region": region, "area_mm2": weights.sum()}
+    for tissue in (name for name in REPORTED if TISSUES.index(name) in fields.tissue):
+        for region, cells in _parts(fields, tissue).items():
+            area = fields.gauss_area[cells].sum()
+            about = {"tissue": tissue, "region": region, "area_mm2": area}
             for quantity in reported(tissue):
-                values = quantities.gauss[quantity][cells].ravel()
                 row = {"quantity": quantity, "unit": UNITS[quantity]}
-                rows.append(about | row | statistics(values, weights, quantity))
+                rows.append(about | row | _of_cells(quantities, cells, quantity))
         along = {"skin": contact, "liner": lining}.get(tissue)
         if along is not None:
             rows += _contact_rows(along, tissue)
     return pd.DataFrame(rows, columns=list(LEVEL_COLUMNS))
 
 
-def _parts(quantities: Quantities, tissue: str) -> dict[str, NDArray[np.int64]]:
+def statistics_of(quantities: Quantities, tissue: str, quantity: str) -> dict[str, float]:
+    """Return the `statistics` of a quantity in a tissue of the section, by area."""
+    return _of_cells(quantities, quantities.fields.cells_of(tissue), quantity)
+
+
+def _of_cells(quantities: Quantities, cells: NDArray[np.int64], quantity: str) -> dict[str, float]:
+    values, areas = quantities.gauss[quantity][cells], quantities.fields.gauss_area[cells]
+    return statistics(values.ravel(), areas.ravel(), quantity)
+
+
+def _parts(fields: SectionFields, tissue: str) -> dict[str, NDArray[np.int64]]:
     """Return the cells of a tissue, by an empty name, and of each of its regions."""
-    fields = quantities.fields
     cells = fields.cells_of(tissue)
     ids = map(int, np.unique(fields.region[cells]))
     of_regions = {fields.region_names[i]: np.flatnonzero(fields.region == i) for i in ids}
