@@ -3,11 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from mpi4py import MPI
 
+from calfsocket.materials.material_set import MaterialSet
+from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.stepping import LoadStepper
+from calfsocket.meshes.rings import ring_mesh
 from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.extract import contact_line, section_fields
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.levels import (
+    BELOW,
     LEVEL_COLUMNS,
     SHARES,
     STATISTICS,
@@ -17,6 +25,14 @@ from calfsocket.postprocess.levels import (
 )
 from calfsocket.postprocess.quantities import REPORTED, Quantities, contact_quantities, reported
 from calfsocket.postprocess.thresholds import Threshold, area_beyond, tissue_area
+from calfsocket.verification.radial import (
+    LIMB,
+    SOCKET,
+    SOCKET_THICKNESS,
+    RadialSolution,
+    Ring,
+    exact_ring,
+)
 from report_results import contact_on, contact_on_plate, limb, plate
 from sections import annulus, contact_around, grid, section, shape_values
 
@@ -141,6 +157,55 @@ def test_levels_do_not_depend_on_how_a_mesh_is_graded():
     graded = replace(graded, stress=shear_of(places))
     a, b = (row(each, "muscle", "shear_stress")[[*STATISTICS]] for each in (even, graded))
     np.testing.assert_allclose(a.astype(float), b.astype(float), atol=0.3)
+
+
+# --- the concentric limb in a smaller socket
+
+
+def exact_levels(rings: list[Ring], solution: RadialSolution, n: int = 20_000) -> np.ndarray:
+    """Levels of Mises stress, kPa: each ring cut into n parts of equal area, at their middles."""
+    stress, area = [], []
+    for ring in rings:
+        part = (np.arange(n) + 0.5) / n
+        radius = np.sqrt(ring.inner**2 + part * (ring.outer**2 - ring.inner**2))
+        along, hoop, axial = 1e3 * np.asarray(solution.profile(ring.name, radius).stress, float)
+        shear = (along - hoop) ** 2 + (hoop - axial) ** 2 + (axial - along) ** 2
+        stress.append(np.sqrt(shear / 2))
+        area.append(np.full(n, np.pi * (ring.outer**2 - ring.inner**2) / n))
+    return level(np.concatenate(stress), np.concatenate(area), SHARES)
+
+
+@pytest.fixture(scope="module")
+def rings() -> tuple[list[pd.DataFrame], RadialSolution]:
+    """Levels of the whole tissues on elements of 3 and 1.5 mm, and the exact solution."""
+    laws = MaterialSet.paper("separate").tissue_laws()
+    inner = LIMB[-1].outer - 0.5
+    layers = [(ring.name, ring.inner, ring.outer) for ring in LIMB]
+    tissues = {ring.name: ring.tissue for ring in LIMB} | {SOCKET: SOCKET}
+    found = []
+    for h in (3.0, 1.5):
+        mesh = ring_mesh(MPI.COMM_SELF, layers, (inner, inner + SOCKET_THICKNESS), h)
+        problem = limb_problem(mesh, {name: laws[tissue] for name, tissue in tissues.items()})
+        LoadStepper(problem, [1.0]).run()
+        table = levels(Quantities.of(section_fields(problem, tissues)), contact_line(problem))
+        found.append(table[table.region == ""].set_index(["tissue", "quantity"]))
+    return found, exact_ring(laws, 0.5, 1.0).solution
+
+
+@pytest.mark.parametrize("tissue", ["skin", "fat", "muscle", "fascia", "vessel"])
+def test_levels_of_a_ring_are_those_of_the_exact_solution(rings, tissue):
+    """Stress by radius, whose area is known: within 2 % on elements as thick as a layer, in all."""
+    found, solution = rings
+    exact = exact_levels([ring for ring in LIMB if ring.tissue == tissue], solution)
+    off = []
+    for table in found:
+        mine = table.loc[(tissue, "effective_stress"), [*BELOW]].to_numpy(float)
+        off.append(np.abs(mine / exact - 1).max())
+    assert off[0] < 0.02 and off[1] < 0.01
+    coarse, fine = (table.loc[(tissue, "effective_stress")] for table in found)
+    area = sum(np.pi * (r.outer**2 - r.inner**2) for r in LIMB if r.tissue == tissue)
+    assert fine.area_mm2 == pytest.approx(area, rel=1e-3)
+    assert coarse["rms"] == pytest.approx(fine["rms"], rel=1e-3)
 
 
 # --- the table
