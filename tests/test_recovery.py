@@ -82,3 +82,15 @@ def test_a_jump_between_tissues_is_no_error():
 def test_bone_and_socket_have_none():
     fields = stressed(plate(4, ("bone", "socket")), lambda x, y: x**2)
     assert total(fields) == 0.0
+
+
+def test_an_error_beside_a_large_value_counts_more():
+    def waves(x, y):
+        return np.where(x < 0.5, 10.0, 1.0) + np.sin(16 * np.pi * x)
+
+    fields = stressed(plate(16, ("muscle", "fascia")), waves)
+    one_tissue = replace(fields, region=np.ones_like(fields.region))
+    middle = fields.points[fields.cells[:, :3]].mean(axis=1)[:, 0]
+    error = recovery_error(one_tissue)
+    large, small = (np.linalg.norm(error[inside]) for inside in (middle < 0.4, middle > 0.6))
+    assert large > 4 * small > 0.0

@@ -11,24 +11,28 @@ from numpy.typing import NDArray
 
 from calfsocket.materials.tissues import TISSUES
 from calfsocket.postprocess.fields import GAUSS_POINTS, SectionFields
+from calfsocket.postprocess.levels import SHARES, level
 from calfsocket.postprocess.quantities import EXTRAPOLATION, REPORTED, log_strain
 
-LEVEL = 0.999
-"""Share of a tissue's area that stays below the level by which its errors are divided."""
+SHARE = SHARES[-1]
+"""Of a tissue's area, %, that stays below the level by which its errors are divided."""
 
 
 def recovery_error(fields: SectionFields) -> NDArray[np.float64]:
     r"""Return the relative error of each cell, (n_cells,); 0 in tissues that are not reported.
 
     .. math:: \eta_K = \max_{c = s, \varepsilon}
-        \left( \frac{1}{A_t} \int_K \frac{|c^* - c|^2}{L_t(c)^2} \, dA \right)^{1/2}
+        \left( \frac{1}{A_t} \int_K w^2 \, \frac{|c^* - c|^2}{L_t^2} \, dA \right)^{1/2},
+        \qquad w = \min \left( 1, \frac{|c|}{L_t} \right)
 
     with s the deviator of the Cauchy stress, epsilon the logarithmic strain, c* either as averaged
     at the nodes over the cells of the tissue t and interpolated quadratically, A_t the tissue's
     area and L_t the level that 99.9 % of it stays below. So the squares sum up to the square of a
     tissue's relative error, whose size depends neither on how stiff the tissue is nor on how much
-    there is of it. Fields that are linear across a tissue have none; for smooth ones
-    sqrt(integral) falls with the square of the triangles' sides.
+    there is of it. The weight w is there because levels are wanted: an error beside a large value
+    moves them, one beside a small value does not. Fields that are linear across a tissue have no
+    error; for smooth ones the root of the sum of squares falls with the square of the triangles'
+    sides.
 
     The pressure is left out: where a tissue is nearly incompressible, no other quantity has it.
     """
@@ -50,24 +54,18 @@ def recovery_error(fields: SectionFields) -> NDArray[np.float64]:
 def _relative(
     fields: SectionFields, components: NDArray[np.float64], error: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the square of each cell's error over level and area of its tissue."""
-    areas = fields.gauss_area
-    magnitude = np.linalg.norm(components, axis=-1)
-    square = (np.sum(error**2, axis=-1) * areas).sum(axis=1)
-    found = np.zeros(len(square))
+    """Return the square of each cell's weighted error over level and area of its tissue."""
+    areas, magnitude = fields.gauss_area, np.linalg.norm(components, axis=-1)
+    found = np.zeros(len(areas))
     for tissue in REPORTED:
         cells = fields.cells_of(tissue)
-        level = _level(magnitude[cells].ravel(), areas[cells].ravel()) if len(cells) else 0.0
-        if level > 0.0:
-            found[cells] = square[cells] / (level**2 * areas[cells].sum())
+        if not len(cells) or not magnitude[cells].any():
+            continue
+        largest = level(magnitude[cells].ravel(), areas[cells].ravel(), SHARE)
+        square = np.sum((error[cells] / largest) ** 2, axis=-1)
+        weighted = np.minimum(magnitude[cells] / largest, 1.0) ** 2 * square * areas[cells]
+        found[cells] = weighted.sum(axis=1) / areas[cells].sum()
     return found
-
-
-def _level(values: NDArray[np.float64], areas: NDArray[np.float64]) -> float:
-    """Return what `LEVEL` of the area stays below."""
-    order = np.argsort(values)
-    below = np.cumsum(areas[order])
-    return float(values[order][np.searchsorted(below, LEVEL * below[-1])])
 
 
 def _deviator(stress: NDArray[np.float64]) -> NDArray[np.float64]:

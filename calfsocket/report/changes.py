@@ -98,8 +98,8 @@ def _contact_rows(separate: Result, combined: Result) -> list[Row]:
     peak, mean = "contact_pressure_max", "contact_pressure_mean"
     rows = []
     for site, each in (("max_separate", separate), ("max_combined", combined)):
-        angle = each.line.angle_deg[first_largest(each.line.running_mean_kPa)]
-        s, c = (_mean_at(result.line, angle) for result in (separate, combined))
+        arc = each.line.arc_mm[first_largest(each.line.running_mean_kPa)]
+        s, c = (_mean_at(result.line, arc) for result in (separate, combined))
         rows.append(_row(peak, site, s, c, each.contact_levels[peak]))
     for quantity in (peak, mean):
         s, c = (result.contact_levels[quantity].value for result in (separate, combined))
@@ -107,7 +107,6 @@ def _contact_rows(separate: Result, combined: Result) -> list[Row]:
     return rows
 
 
-def _mean_at(line: ContactLine, angle_deg: float) -> float:
-    """Return the running mean of contact pressure at the skin's point nearest to an angle, kPa."""
-    away = np.abs((line.angle_deg - angle_deg + 180.0) % 360.0 - 180.0)
-    return float(line.running_mean_kPa[np.argmin(away)])
+def _mean_at(line: ContactLine, arc_mm: float) -> float:
+    """Return the running mean of contact pressure at the skin's point nearest to a place, kPa."""
+    return float(line.running_mean_kPa[np.argmin(np.abs(line.arc_mm - arc_mm))])
