@@ -155,11 +155,12 @@ def any_size(name: str) -> MeshSize | AdaptiveSize:
     kind, dash, number = name.rpartition("-")
     adaptive = kind == ADAPTIVE
     if not (number.isascii() and number.isdigit() and (adaptive or not dash)):
-        near = nearest(name, [*SIZES, ADAPTIVE, f"{ADAPTIVE}-{ADAPTIVE_TRIANGLES}"])
+        near = nearest(name, [*SIZES, ADAPTIVE])
         raise InputError(f"size: no mesh size '{name}'; {near}, or a number of triangles")
     triangles, fewest = int(number), FEWEST_ADAPTIVE if adaptive else FEWEST_TRIANGLES
     if not fewest <= triangles <= MOST_TRIANGLES:
-        raise InputError(f"size: {name} triangles; give {fewest} to {MOST_TRIANGLES}")
+        about = f"{name}: " if adaptive else ""
+        raise InputError(f"size: {about}{triangles} triangles; give {fewest} to {MOST_TRIANGLES}")
     if adaptive:
         return AdaptiveSize(f"{ADAPTIVE}-{triangles}", triangles)
     return replace(SIZES["paper"], name=str(triangles), triangles=triangles)

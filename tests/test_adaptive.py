@@ -70,13 +70,15 @@ def test_names_say_how_many_triangles():
 
 @pytest.mark.parametrize("word", ["adaptive-", "adaptive-x", "adaptive-6e4", "adaptive--30000"])
 def test_names_that_say_nothing_are_refused(word):
-    with pytest.raises(InputError, match=r"did you mean 'adaptive(-60000)?'"):
+    with pytest.raises(InputError, match=r"no mesh size 'adaptive.*adaptive"):
         any_size(word)
 
 
 def test_too_few_triangles_are_refused():
     few = FEWEST_ADAPTIVE - 1
-    with pytest.raises(InputError, match=f"adaptive-{few} triangles; give {FEWEST_ADAPTIVE} to"):
+    with pytest.raises(
+        InputError, match=f"adaptive-{few}: {few} triangles; give {FEWEST_ADAPTIVE} to"
+    ):
         any_size(f"adaptive-{few}")
 
 
