@@ -19,41 +19,42 @@ from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.lining import Lining, fitted
 from calfsocket.meshes.plate import Plate, add_plate
 from calfsocket.meshes.quality import quality_table
-from calfsocket.meshes.sizing import MeshSize, SizeField
+from calfsocket.meshes.refinement import RefinedSizes, Refinement
+from calfsocket.meshes.sizing import MeshSize, SizeField, Sizes
 from calfsocket.meshes.smoothing import smooth
 from calfsocket.meshes.socket import Socket
-from calfsocket.meshes.triangles import TriangleMesh
-
-EQUILATERAL_AREA = np.sqrt(3.0) / 4.0
-"""Of a triangle with sides of length 1."""
-_PARTS = 5
-SUBDIVISION = np.array(
-    [
-        np.array([3 * _PARTS - i - j, i, j]) / (3 * _PARTS)
-        for i in range(1, 3 * _PARTS)
-        for j in range(1, 3 * _PARTS - i)
-        if i % 3 == j % 3 != 0
-    ]
-)
-"""Barycentric coordinates of the middles of a triangle's 25 equal parts."""
+from calfsocket.meshes.triangles import EQUILATERAL_AREA, SUBDIVISION, TriangleMesh
 
 
 def section_mesh(
-    comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
+    comm: MPI.Comm,
+    limb: Limb,
+    socket: Socket,
+    size: MeshSize,
+    liner: Lining | None = None,
+    refinement: Refinement | None = None,
 ) -> SectionMesh:
     """Mesh a limb, a liner and a socket on rank 0 of `comm` and distribute it over its ranks.
+
+    With a refinement, `size` has its number of triangles.
 
     Raises
     ------
     InputError
         On every rank, when the data cannot be meshed.
     """
-    return distribute(comm, lambda: build(limb, socket, size, liner))
+    return distribute(comm, lambda: build(limb, socket, size, liner, refinement))
 
 
-def build(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> TriangleMesh:
+def build(
+    limb: Limb,
+    socket: Socket,
+    size: MeshSize,
+    liner: Lining | None = None,
+    refinement: Refinement | None = None,
+) -> TriangleMesh:
     """Mesh a limb and a socket on this process; the same input gives the same arrays."""
-    with _Section(limb, socket, liner).meshed(size) as mesh:
+    with _Section(limb, socket, liner, refinement).meshed(size) as mesh:
         return smooth(mesh)
 
 
@@ -87,7 +88,13 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
 class _Section:
     """A limb, a socket and perhaps a liner between them, to be meshed."""
 
-    def __init__(self, limb: Limb, socket: Socket, liner: Lining | None = None) -> None:
+    def __init__(
+        self,
+        limb: Limb,
+        socket: Socket,
+        liner: Lining | None = None,
+        refinement: Refinement | None = None,
+    ) -> None:
         self._limb, self._liner = limb, liner
         self._fit = fit = fitted(limb, socket, liner)
         self._loops = limb_curves(limb)
@@ -98,8 +105,13 @@ class _Section:
                 loops = {**loops, meets: fit.lining}
             else:
                 faces.insert(0, fit.lining)
-        self._limb_sizes = sizing.LimbSizes(loops, meets)
-        self._socket_sizes = sizing.SocketSizes(*faces)
+        self._limb_sizes: Sizes = sizing.LimbSizes(loops, meets)
+        self._socket_sizes: Sizes = sizing.SocketSizes(*faces)
+        if refinement is not None:
+            self._limb_sizes = RefinedSizes(refinement.first, self._limb_sizes, refinement.limb)
+            self._socket_sizes = RefinedSizes(
+                refinement.first, self._socket_sizes, refinement.socket
+            )
         self._fields: tuple[MeshSize | None, tuple[SizeField, SizeField] | None] = (None, None)
 
     @contextmanager

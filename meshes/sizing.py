@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,10 @@ GRID_STEP = 0.25
 BLOCK = 8
 #: Numbers of triangles that may be asked for: with fewer the thin layers are meshed badly.
 FEWEST_TRIANGLES, MOST_TRIANGLES = 7000, 1_000_000
+#: Name of the size that a solution refines, and how many triangles it may have unless it says so.
+ADAPTIVE, ADAPTIVE_TRIANGLES = "adaptive", 60_000
+#: With fewer triangles than this the first mesh could hardly be refined.
+FEWEST_ADAPTIVE = 20_000
 #: Side lengths of the first trial mesh, in those of "paper".
 TRIAL_FACTOR = 2.0
 #: How close to the number of triangles trial meshes come, and how many there are after the first.
@@ -130,8 +135,27 @@ SIZES = {
 }
 
 
-def mesh_size(name: str) -> MeshSize:
-    """Return the size of this name, or for this number of triangles.
+@dataclass(frozen=True)
+class AdaptiveSize:
+    """A mesh that a solution on the size ``first`` refines where its errors are.
+
+    Limb and socket together have at most about so many ``triangles``.
+    """
+
+    name: str
+    triangles: int
+    first: MeshSize = SIZES["medium"]
+
+    @property
+    def final(self) -> MeshSize:
+        """Size of the refined mesh: a number of triangles."""
+        # Trial meshes come as close as this from either side.
+        triangles = round(self.triangles / (1.0 + COUNT_TOLERANCE))
+        return replace(self.first, name=self.name, triangles=triangles)
+
+
+def any_size(name: str) -> MeshSize | AdaptiveSize:
+    """Return the size of this name, for this number of triangles, or refined by a solution.
 
     Raises
     ------
@@ -140,16 +164,40 @@ def mesh_size(name: str) -> MeshSize:
     """
     if name in SIZES:
         return SIZES[name]
-    if name.isascii() and name.isdigit():
-        if not FEWEST_TRIANGLES <= int(name) <= MOST_TRIANGLES:
-            raise InputError(f"size: {name} triangles; give {FEWEST_TRIANGLES} to {MOST_TRIANGLES}")
-        return replace(SIZES["paper"], name=str(int(name)), triangles=int(name))
-    raise InputError(
-        f"size: no mesh size '{name}'; {nearest(name, SIZES)}, or a number of triangles"
-    )
+    if name == ADAPTIVE:
+        return AdaptiveSize(name, ADAPTIVE_TRIANGLES)
+    kind, dash, number = name.rpartition("-")
+    adaptive = kind == ADAPTIVE
+    if not (number.isascii() and number.isdigit() and (adaptive or not dash)):
+        near = nearest(name, [*SIZES, ADAPTIVE])
+        raise InputError(f"size: no mesh size '{name}'; {near}, or a number of triangles")
+    triangles, fewest = int(number), FEWEST_ADAPTIVE if adaptive else FEWEST_TRIANGLES
+    if not fewest <= triangles <= MOST_TRIANGLES:
+        about = f"{name}: " if adaptive else ""
+        raise InputError(f"size: {about}{triangles} triangles; give {fewest} to {MOST_TRIANGLES}")
+    if adaptive:
+        return AdaptiveSize(f"{ADAPTIVE}-{triangles}", triangles)
+    return replace(SIZES["paper"], name=str(triangles), triangles=triangles)
 
 
-def checked_size(size: str | int | MeshSize) -> MeshSize:
+def mesh_size(name: str) -> MeshSize:
+    """Return the size of this name, or for this number of triangles, that needs no solution.
+
+    Raises
+    ------
+    InputError
+        As of `any_size`, and for a mesh that a solution refines.
+    """
+    size = any_size(name)
+    if isinstance(size, AdaptiveSize):
+        raise InputError(
+            f"size: a mesh of size '{name}' is refined by a solution, which there is none of here; "
+            f"give {', '.join(SIZES)} or a number of triangles"
+        )
+    return size
+
+
+def checked_size(size: str | int | MeshSize | AdaptiveSize) -> MeshSize | AdaptiveSize:
     """Return a mesh size by its name or by a number of triangles.
 
     Raises
@@ -157,14 +205,15 @@ def checked_size(size: str | int | MeshSize) -> MeshSize:
     InputError
         If there is none of this name, or the number is outside its range.
     """
-    if isinstance(size, MeshSize):
+    if isinstance(size, MeshSize | AdaptiveSize):
         return size
     if isinstance(size, bool) or not isinstance(size, str | int):
         raise InputError(
-            f"mesh size: is {size!r}; give coarse, medium or paper, or a number of triangles"
+            f"mesh size: is {size!r}; give {', '.join([*SIZES, ADAPTIVE])}, or a number of "
+            "triangles"
         )
     try:
-        return mesh_size(str(size))
+        return any_size(str(size))
     except InputError as error:
         raise InputError(f"mesh {error}") from None
 
@@ -198,6 +247,13 @@ class SizeField:
             file.write(np.asarray(self.values, dtype=np.float64).tobytes())
 
 
+class Sizes(Protocol):
+    """Element sizes of a body."""
+
+    def field(self, size: MeshSize) -> SizeField:
+        """Return the field of a size."""
+
+
 class LimbSizes:
     """Element sizes of a limb, from its curves; `contact` names the skin's outline."""
 
@@ -210,7 +266,7 @@ class LimbSizes:
             gaps.append(_tree(others).query(points[name])[0])
             with np.errstate(divide="ignore"):
                 radii.append(1 / np.abs(curve.curvature(parameters[name])))
-        self._around = _Surroundings(np.concatenate(list(points.values())))
+        self._around = Surroundings(np.concatenate(list(points.values())))
         self._gap, self._radius = np.concatenate(gaps), np.concatenate(radii)
         self._on_skin = np.concatenate([np.full(len(p), n == contact) for n, p in points.items()])
 
@@ -228,7 +284,7 @@ class SocketSizes:
     def __init__(self, *faces: ClosedCurve) -> None:
         points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in faces]
         self._on_face = [len(each) for each in points]
-        self._around = _Surroundings(np.concatenate(points))
+        self._around = Surroundings(np.concatenate(points))
 
     def field(self, size: MeshSize) -> SizeField:
         """Return the field of a size."""
@@ -241,12 +297,16 @@ def _tree(points: Array) -> cKDTree:
     return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
-class _Surroundings:
-    """A grid around points on curves, and the nearest of these to each of its points."""
+class Surroundings:
+    """A grid, of its own or of another field, and to each of its points the nearest of others."""
 
-    def __init__(self, points: Array) -> None:
-        self._origin = origin = points.min(axis=0) - 2 * GRID_STEP
-        shape = np.ceil((points.max(axis=0) - origin) / GRID_STEP).astype(int) + 3
+    def __init__(self, points: Array, like: SizeField | None = None) -> None:
+        if like is None:
+            origin = points.min(axis=0) - 2 * GRID_STEP
+            shape = tuple(np.ceil((points.max(axis=0) - origin) / GRID_STEP).astype(int) + 3)
+        else:
+            origin, shape = like.origin, like.values.shape
+        self._origin = origin
         axes = [origin[i] + GRID_STEP * np.arange(shape[i]) for i in (0, 1)]
         self._grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         self._tree = _tree(points)
@@ -274,7 +334,7 @@ class _Surroundings:
 
     def spread(self, sizes: Array, size: MeshSize) -> SizeField:
         """Let the size grow away from the points, as steeply as allowed and no steeper."""
-        # Farther away than this, no curve has a say.
+        # Farther away than this, no point has a say.
         reach = (size.largest - sizes.min()) / size.growth
         if reach > self._reach:
             self._reach = reach * (1.0 + 1e-9)  # scaled sizes have the same one, but for rounding

@@ -5,6 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+EQUILATERAL_AREA = np.sqrt(3.0) / 4.0
+"""Of a triangle with sides of length 1."""
+_PARTS = 5
+SUBDIVISION = np.array(
+    [
+        np.array([3 * _PARTS - i - j, i, j]) / (3 * _PARTS)
+        for i in range(1, 3 * _PARTS)
+        for j in range(1, 3 * _PARTS - i)
+        if i % 3 == j % 3 != 0
+    ]
+)
+"""Barycentric coordinates of the middles of a triangle's 25 equal parts."""
+
 
 @dataclass(frozen=True)
 class TriangleMesh:

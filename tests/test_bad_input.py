@@ -404,6 +404,8 @@ TRIALS = (
     Trial("a friction that is true", edited("[model]", "[model]\nfriction = true"), ("is True",)),
     Trial("an unknown mesh size", edited('"coarse"', '"tiny"'), ("model.size", "coarse, medium")),
     Trial("a mesh of no triangles", edited('"coarse"', "0"), ("model.size: 0 triangles", "7000")),
+    Trial("an adaptive mesh of too few triangles", edited('"coarse"', '"adaptive-9000"'),
+          ("model.size: adaptive-9000: 9000 triangles", "20000")),
     Trial("an unknown support", edited("[model]", '[model]\nsocket_support = "glued"'),
           ("model.socket_support: is 'glued'", "floating")),
     Trial("a wall without a unit", socket('like = "TC"\nwall_thickness = 4.5'),

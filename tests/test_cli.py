@@ -80,7 +80,7 @@ def test_calibration_goes_where_the_report_looks_for_it(capsys):
         (["--friction", "inf"], "--friction: 'inf' is not a number of 0 or more"),
         (["--friction", "nan"], "--friction: 'nan' is not a number of 0 or more"),
         (["--friction", "much"], "--friction: 'much' is not a number of 0 or more"),
-        (["--size", "tiny"], "size: no mesh size 'tiny'; allowed: coarse, medium, paper"),
+        (["--size", "tiny"], "size: no mesh size 'tiny'; allowed: adaptive, coarse, medium, paper"),
         (["--material", "fascia"], "--material: is 'fascia'; it must be TISSUE=FILE.toml"),
         (["--material", "fascia=no.toml"], "no.toml: cannot be read"),
     ],

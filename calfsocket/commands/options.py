@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 Name = TypeVar("Name", bound=str)
 
 
-def size(default: str) -> Option:
-    """Return the size of the mesh."""
+def size(default: str, refined: bool = False) -> Option:
+    """Return the size of the mesh, which a solution may refine."""
     return option(
         "--size",
         default=default,
-        help="mesh: coarse, medium, paper or a number of triangles (default: %(default)s)",
+        help="mesh: coarse, medium, paper"
+        + (", adaptive (refined where a first solution has its errors) " if refined else " ")
+        + "or a number of triangles (default: %(default)s)",
     )
 
 
@@ -64,10 +66,10 @@ FRICTION = option(
 
 def checked_size(word: str) -> str:
     """Return the name of a mesh size, which must exist."""
-    from calfsocket.meshes.sizing import mesh_size
+    from calfsocket.meshes.sizing import any_size
 
     with error_context("--size"):
-        return mesh_size(word).name
+        return any_size(word).name
 
 
 def material_files(words: Sequence[str], sets: Iterable["BaseSet"]) -> dict[str, Path]:

@@ -59,7 +59,7 @@ RUNNING = (
         option(
             "--materials", default="separate,combined", metavar="LIST", help="default: %(default)s"
         ),
-        options.size("paper"),
+        options.size("paper", refined=True),
         option(
             "--socket-support",
             default="floating",

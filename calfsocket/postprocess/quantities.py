@@ -309,8 +309,8 @@ class Quantities:
     def level_at(self, tissue: str, quantity: str, x_mm: float, y_mm: float) -> float:
         """Return the level that the tissue's pair nearest to a site holds (reference section).
 
-        At the site of its own maximum a case holds that maximum. The limb's mesh is the same in
-        both material sets, so that there the pair is the same, too.
+        At the site of its own maximum a case holds that maximum. On the same mesh of the limb the
+        pair is the same in both material sets, too.
         """
         if not len(self._pairs_of[tissue]):
             return np.nan

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.quantities import (
     NOWHERE,
     SUMMARY_TISSUES,
@@ -97,11 +98,15 @@ def _contact_rows(separate: Result, combined: Result) -> list[Row]:
     peak, mean = "contact_pressure_max", "contact_pressure_mean"
     rows = []
     for site, each in (("max_separate", separate), ("max_combined", combined)):
-        # point by point: the skin's mesh is the same in both sets
-        point = first_largest(each.line.running_mean_kPa)
-        s, c = (result.line.running_mean_kPa[point] for result in (separate, combined))
+        arc = each.line.arc_mm[first_largest(each.line.running_mean_kPa)]
+        s, c = (_mean_at(result.line, arc) for result in (separate, combined))
         rows.append(_row(peak, site, s, c, each.contact_levels[peak]))
     for quantity in (peak, mean):
         s, c = (result.contact_levels[quantity].value for result in (separate, combined))
         rows.append(_row(quantity, "max_both", s, c))
     return rows
+
+
+def _mean_at(line: ContactLine, arc_mm: float) -> float:
+    """Return the running mean of contact pressure at the skin's point nearest to a place, kPa."""
+    return float(line.running_mean_kPa[np.argmin(np.abs(line.arc_mm - arc_mm))])

@@ -27,16 +27,19 @@ from calfsocket.mechanics.loading import Loading, Stage
 from calfsocket.mechanics.stages import StageMilestone, StageStepper
 from calfsocket.mechanics.stepping import LoadStep, LoadStepper, Milestone
 from calfsocket.meshes import tags
+from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Fit, Lining, fitted
 from calfsocket.meshes.placement import Placement, check_placement
+from calfsocket.meshes.refinement import Refinement
 from calfsocket.meshes.section import build, section_mesh
-from calfsocket.meshes.sizing import MeshSize, checked_size
+from calfsocket.meshes.sizing import AdaptiveSize, MeshSize, checked_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.extract import contact_line, section_fields, skin_line
 from calfsocket.postprocess.loading_curve import curve_table, in_words
 from calfsocket.postprocess.quantities import Quantities
+from calfsocket.postprocess.recovery import recovery_error
 from calfsocket.postprocess.series import remove_steps, write_step
 from calfsocket.simulation.checkpoint import Checkpoint, CheckpointError, conditions
 from calfsocket.simulation.precompile import precompile
@@ -96,7 +99,8 @@ class Simulation:
     materials : MaterialSet
         Law of every tissue of the limb, and of the socket unless it has one of its own.
     mesh_size : str or int
-        "coarse", "medium" or "paper", or a number of triangles.
+        "coarse", "medium" or "paper", a number of triangles, or "adaptive": at most 60 000 of them
+        ("adaptive-40000": so many), where a solution on the medium mesh has its errors.
     contact : Contact, optional
         Friction and Nitsche stiffness; by default those of the paper.
     support : {"floating", "outer-fixed"}
@@ -134,7 +138,7 @@ class Simulation:
         limb: Limb,
         socket: Socket,
         materials: MaterialSet,
-        mesh_size: str | int | MeshSize = "paper",
+        mesh_size: str | int | MeshSize | AdaptiveSize = "paper",
         contact: Contact | None = None,
         support: SocketSupport = "floating",
         steps: LoadSteps | None = None,
@@ -209,6 +213,8 @@ class Simulation:
                 "socket": self.socket.model_dump(mode="json", exclude={"name", "title"}),
                 "liner": shape,
                 "size": asdict(self.mesh_size),
+                # A refined mesh depends on the solution, and so on all that this depends on.
+                **({"case": self.inputs} if isinstance(self.mesh_size, AdaptiveSize) else {}),
             }
         )
 
@@ -287,10 +293,7 @@ class Simulation:
         monitor.message("mesh and set-up", 0.0, True)
         precompile(self.comm, [self.materials], [self.liner.law] if self.liner else [])
         with self.phases("mesh"):
-            section = prepared.section(
-                self.geometry,
-                lambda: section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner),
-            )
+            section = prepared.section(self.geometry, lambda: self._mesh(monitor))
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
             problem = prepared.problem(
@@ -353,13 +356,15 @@ class Simulation:
 
         format = checked_format(format)
 
+        size, refinement = self._refined(Monitor())
+
         def work() -> tuple[str, ...]:
             _ = self.placement
-            return write(Path(path), self._exported(), format)
+            return write(Path(path), self._exported(size, refinement), format)
 
         return on_first_rank(self.comm, work)
 
-    def _exported(self) -> "ExportedCase":
+    def _exported(self, size: MeshSize, refinement: Refinement | None) -> "ExportedCase":
         """Mesh the section on this process, and return all that a deck is made of."""
         from calfsocket.export.case import ExportedCase
 
@@ -374,7 +379,7 @@ class Simulation:
             )
         return ExportedCase(
             title=f"{self.socket.name} {self.materials.name}, {self.mesh_size.name} mesh",
-            mesh=build(self.limb, self.socket, self.mesh_size, liner),
+            mesh=build(self.limb, self.socket, size, liner, refinement),
             tissues=self._tissues,
             laws=self.region_laws,
             contact=self.contact,
@@ -385,6 +390,43 @@ class Simulation:
             loading=self.loading,
             undersize=liner.undersize if liner else 0.0,
         )
+    def _mesh(self, monitor: Monitor) -> SectionMesh:
+        """Mesh the section (collective)."""
+        size, refinement = self._refined(monitor)
+        return section_mesh(self.comm, self.limb, self.socket, size, self.liner, refinement)
+
+    def _refined(self, monitor: Monitor) -> tuple[MeshSize, Refinement | None]:
+        """Return the final size, and how a first solution refines it if it is adaptive (collective)."""
+        size = self.mesh_size
+        if not isinstance(size, AdaptiveSize):
+            return size, None
+        monitor.message(f"first solution, mesh {size.first.name}", 0.0, True)
+        with self.phases("first solution"):
+            fields = self._first_solution(size, monitor).fields
+        x = fields.points[fields.cells]
+        return size.final, Refinement.of(x, recovery_error(fields), fields.bodies, size)
+
+    def _first_solution(self, size: AdaptiveSize, monitor: Monitor) -> Result:
+        """Solve on the mesh that is to be refined; where that fails, return how far it came."""
+        simulation = Simulation(
+            self.limb,
+            self.socket,
+            self.materials,
+            size.first,
+            self.contact,
+            self.support,
+            self.steps,
+            self.comm,
+            self.placement,
+            donning=self.donning,
+            liner=self.liner,
+        )
+        try:
+            return simulation.solve()
+        except ConvergenceError as error:
+            load = error.result.record.checks.load
+            monitor.message(f"first solution stopped: {error}; it refines as of there", load, True)
+            return error.result
 
     def _keep_checkpoints(
         self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool

@@ -97,7 +97,8 @@ class ModelTable(Contact):
     Attributes
     ----------
     size : str or int
-        Mesh: coarse, medium or paper, or the number of triangles.
+        Mesh: coarse, medium or paper, or the number of triangles. adaptive: at most 60 000 of them,
+        where a first solution has its errors; adaptive-40000: at most so many.
     socket_support : str
         Whether the socket rests on the limb alone or is fixed at its outer face.
     donning : str

@@ -14,6 +14,7 @@ from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.section import section_mesh
+from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.socket import Socket
 from calfsocket.simulation.record import Checks
 from calfsocket.simulation.result import Result
@@ -65,7 +66,7 @@ def one_case(
     materials = MaterialSet.paper(material_set)
     limb, shape = Limb.reference(), Socket.reference(socket)
     case = Simulation(limb, shape, materials, mesh_size=size, comm=MPI.COMM_SELF)
-    section = section_mesh(MPI.COMM_SELF, limb, shape, case.mesh_size)
+    section = section_mesh(MPI.COMM_SELF, limb, shape, mesh_size(size))
     return case, section, {name: case.region_laws[name] for name in section.regions}
 
 
