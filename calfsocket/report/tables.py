@@ -26,7 +26,7 @@ def tables(findings: Findings) -> dict[str, Table]:
     results = findings.results
     made = (
         laws(findings.laws),
-        sweep(findings.study),
+        *(findings.uncertainty.tables() if findings.uncertainty else [sweep(findings.study)]),
         *along.tables(findings),
         maxima(results),
         thresholds(results),

@@ -137,6 +137,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "limb": findings.limb,
         "liner": findings.liner,
         "levels": findings.levels,
+        "uncertain": findings.uncertainty,
         "maps": along.maps(findings),
         "map_files": results.folder.joinpath(MAPS).is_dir(),
         "one_design": len({record.along[0] for record in results.records.values()}) == 1,

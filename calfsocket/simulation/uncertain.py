@@ -32,6 +32,37 @@ AROUND = "contact_pressure_around"
 ANGLES_DEG = np.arange(0.0, 360.0, 2.0)
 """Where the band of contact pressure has its points."""
 
+NUMBER = (*KEY, "tissue", "quantity")
+TABLE_COLUMNS = (
+    *NUMBER,
+    "unit",
+    "nominal",
+    "mean",
+    "sd",
+    "low",
+    "high",
+    "q2",
+    "trusted",
+    "mean_of_cases",
+    "sd_of_cases",
+    "cases",
+    "not_solved",
+    "failures",
+)
+SHARES_COLUMNS = (*NUMBER, "input", "first", "total", "rank", "correlated")
+PRESSURE_COLUMNS = (
+    *KEY,
+    "angle_deg",
+    "nominal_kPa",
+    "mean_kPa",
+    "low_kPa",
+    "median_kPa",
+    "high_kPa",
+    "q2",
+    "trusted",
+)
+COLUMNS = (TABLE_COLUMNS, SHARES_COLUMNS, PRESSURE_COLUMNS)
+
 Key = tuple[str, str]
 
 
@@ -181,7 +212,16 @@ def evaluate(design: Design, summary: pd.DataFrame, contact: pd.DataFrame) -> Un
         tables.append(part.table())
         pressures.append(part.pressure())
         shares.append(part.shares())
-    return Uncertain(*(pd.concat(each, ignore_index=True) for each in (tables, shares, pressures)))
+    every = zip((tables, shares, pressures), COLUMNS, strict=True)
+    return Uncertain(*(_joined(parts, columns) for parts, columns in every))
+
+
+def _joined(parts: Iterable[pd.DataFrame], columns: tuple[str, ...]) -> pd.DataFrame:
+    """Return the tables of all groups below each other; with columns even where all are empty."""
+    filled = [part for part in parts if len(part)]
+    if not filled:
+        return pd.DataFrame(columns=list(columns))
+    return pd.concat(filled, ignore_index=True)[list(columns)]
 
 
 class _Evaluation:
@@ -213,7 +253,7 @@ class _Evaluation:
         rows = []
         for name in wide.columns:
             known = wide[name].notna().to_numpy()
-            row = dict(zip((*KEY, "tissue", "quantity"), (*self._group.base, *name), strict=True))
+            row = dict(zip(NUMBER, (*self._group.base, *name), strict=True))
             row |= {"unit": units.get(name, ""), "nominal": nominal.get(name, np.nan)}
             rows.append(row | self._of(name, wide[name].to_numpy(dtype=float), known))
         return pd.DataFrame(rows)
@@ -242,7 +282,7 @@ class _Evaluation:
         joint = self._group.joint
         rank = np.empty(len(joint.names), dtype=int)
         rank[shares.order] = np.arange(1, len(rank) + 1)
-        columns = dict(zip((*KEY, "tissue", "quantity"), (*self._group.base, *name), strict=True))
+        columns = dict(zip(NUMBER, (*self._group.base, *name), strict=True))
         self._shares.append(
             pd.DataFrame(
                 {

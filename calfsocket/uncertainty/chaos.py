@@ -23,8 +23,8 @@ TRUSTED = 0.9
 FOLDS = 10
 """Parts of the cases that are left out in turn, to judge what the rest predicts of them."""
 
-MOST_TERMS = 400
-"""Terms to choose from: a degree that has more is not tried."""
+TERMS_PER_CASE = 3
+"""Terms to choose from for each case: a degree that has more is not tried."""
 
 MOST_DEGREE = 12
 
@@ -200,7 +200,9 @@ def fit(basis: Basis, values: Array, output: Array) -> Chaos:
     best, best_error = 0, np.inf
     for degree in range(1, MOST_DEGREE + 1):
         candidates = basis.terms(degree)
-        if degree > 1 and (len(candidates) > MOST_TERMS or degree > best + PATIENCE):
+        if degree > 1 and (
+            len(candidates) > TERMS_PER_CASE * len(output) or degree > best + PATIENCE
+        ):
             break
         columns = basis.evaluate(candidates, germs)
         _, error = select(columns, output)
@@ -247,12 +249,13 @@ def select(matrix: Array, output: Array) -> tuple[Array, float]:
     method = ot.LeastSquaresMetaModelSelectionFactory(ot.LARS(), ot.CorrectedLeaveOneOut())
     algorithm = method.build(
         ot.Sample(matrix),
-        ot.Sample(((output - centre) / scale)[:, None]),
+        # least angle regression stops at once where the constant has no part in the output
+        ot.Sample((1.0 + (output - centre) / scale)[:, None]),
         ot.Point(n, 1.0 / n),
         _coordinates(p),
         ot.Indices(range(p)),
     )
     algorithm.run()
     coefficients = np.array(algorithm.getCoefficients()) * scale
-    coefficients[0] += centre
+    coefficients[0] += centre - scale
     return coefficients, float(algorithm.getRelativeError())

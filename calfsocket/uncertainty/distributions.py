@@ -473,12 +473,15 @@ AnyDistribution = Annotated[
 ADAPTER: TypeAdapter[Any] = TypeAdapter(AnyDistribution)
 
 
+KEYS = ("distribution", "mean", "sd", "cv", "low", "mode", "high", "quantiles", "values")
+"""Keys by which a table shows that it is meant as a distribution."""
+
+
 def leaves(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return tables of distributions by dotted name: names without quotes are tables in tables."""
     found: dict[str, Any] = {}
     for key, value in tables.items():
-        inner = isinstance(value, Mapping) and value and "distribution" not in value
-        if inner and all(isinstance(each, Mapping) for each in value.values()):
+        if isinstance(value, Mapping) and value and not any(word in value for word in KEYS):
             found |= leaves(value, f"{prefix}{key}.")
         else:
             found[f"{prefix}{key}"] = value
