@@ -223,7 +223,7 @@ def write_results(
     thresholds: Sequence[Threshold] = (),
 ) -> Path:
     """Write a study's folder; `failed` names cases that did not reach their full load."""
-    tables: dict[str, list[pd.DataFrame]] = {"summary": [], "contact": [], "steps": []}
+    tables: dict[str, list[pd.DataFrame]] = {}
     records = [
         CaseRecord(socket=key[0], material_set=key[1], of=key, status="failed", message=why)
         for key, why in (failed or {}).items()
@@ -233,8 +233,9 @@ def write_results(
         made.save(folder / made.record.name)
         beyond = shares_beyond(made.quantities, made.line, thresholds)
         summary = pd.concat([made.summary(), beyond]) if thresholds else made.summary()
-        for name, rows in (("summary", summary), ("contact", made.contact), ("steps", made.steps)):
-            tables[name].append(of_case(rows, made.record))
+        of_name = {"levels": made.levels(), "contact": made.contact, "steps": made.steps}
+        for name, rows in {"summary": summary, **of_name}.items():
+            tables.setdefault(name, []).append(of_case(rows, made.record))
         records.append(made.record)
     for name, parts in tables.items():
         path = folder / f"{name}.csv"

@@ -158,7 +158,12 @@ def entries(out: Path) -> dict:
 
 def same_results(out: Path, other: Path, cases=("A_combined", "B_combined")) -> bool:
     """Whether two folders hold the same results, to the byte apart from wall times."""
-    for name in ("summary.csv", "contact.csv", *(f"{case}/fields.vtu" for case in cases)):
+    for name in (
+        "summary.csv",
+        "levels.csv",
+        "contact.csv",
+        *(f"{case}/fields.vtu" for case in cases),
+    ):
         assert (out / name).read_bytes() == (other / name).read_bytes(), name
     steps = [pd.read_csv(folder / "steps.csv").drop(columns="seconds") for folder in (out, other)]
     pd.testing.assert_frame_equal(*steps)
@@ -191,7 +196,7 @@ def test_a_fault_in_one_case(trial, unbroken, tmp_path, monkeypatch, caplog):
         assert says in found["A_combined"]["message"] == table.message["A_combined"]
         assert says in caplog.text.replace(f"{out}/A_combined/", "")
         assert "1 of 2 cases failed" in caplog.text and "--resume" in caplog.text
-        for name in ("summary.csv", "contact.csv"):
+        for name in ("summary.csv", "levels.csv", "contact.csv"):
             assert set(pd.read_csv(out / name).socket) == {"B"}
         assert study.run(resume=True)
         assert "B_combined: already solved; kept" in caplog.text

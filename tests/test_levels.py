@@ -85,7 +85,7 @@ def test_a_study_has_a_case_for_each_level(solved: Path) -> None:
     cases = pd.read_csv(solved / "cases.csv")
     assert cases.case.tolist() == NAMES
     assert cases.level.tolist() == list(SHARES)
-    for name in ("summary.csv", "contact.csv", "cases.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv", "cases.csv"):
         table = pd.read_csv(solved / name)
         of_level = table.groupby("level").height_mm.unique().explode()
         assert of_level.to_dict() == pytest.approx({s: tiny_levels.HEIGHT * s for s in SHARES})
@@ -120,7 +120,7 @@ def test_what_is_solved_is_kept_and_the_rest_is_resumed(solved: Path, tmp_path: 
     before = (out / NAMES[1] / "result.json").stat().st_mtime_ns
     study.run(out=out, pictures=False, resume=True)
     assert (out / NAMES[1] / "result.json").stat().st_mtime_ns == before
-    for name in ("summary.csv", "contact.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv"):
         assert (out / name).read_bytes() == (solved / name).read_bytes()
 
 
@@ -130,7 +130,7 @@ def test_any_number_of_ranks_gives_the_same(
 ) -> None:
     words = ["-m", "calfsocket", "run", solved.parent / "study.toml", "--no-report"]
     mpirun(ranks, [*words, "--no-pictures", "--out", f"r{ranks}"])
-    for name in ("summary.csv", "contact.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv"):
         assert (tmp_path / f"r{ranks}" / name).read_bytes() == (solved / name).read_bytes()
 
 

@@ -85,7 +85,7 @@ def run(launch, ranks, **how):
 
 def close(out: Path, other: Path) -> bool:
     """Whether two folders hold the same results, to solver tolerance."""
-    for name in ("summary.csv", "contact.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv"):
         one, two = (pd.read_csv(folder / name) for folder in (out, other))
         text = list(one.select_dtypes(exclude="number"))
         pd.testing.assert_frame_equal(one[text], two[text])

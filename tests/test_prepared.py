@@ -115,7 +115,7 @@ def test_a_sweep_has_the_same_digits_on_any_number_of_ranks(ranks, mpirun, tmp_p
     study = {"sockets": ["A", "B"], "frictions": [0.3, 0.5, 0.7]}
     for n in (1, ranks):
         mpirun(n, [PROGRAM, json.dumps({"out": f"on{n}", "study": study})])
-    for name in ("summary.csv", "contact.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv"):
         one, more = ((tmp_path / f"on{n}" / name).read_bytes() for n in (1, ranks))
         assert one == more
     residuals = [

@@ -47,6 +47,7 @@ def test_damage_area():
     assert rows.level_pct["muscle", "shear_log_strain"] == pytest.approx(2 * e1 / np.sqrt(1.09))
     for strain in ("amp_log_strain", "tensile_log_strain"):
         assert rows.level_pct["fascia", strain] == pytest.approx(e1)
+        assert rows["below_99.9_pct"]["fascia", strain] == pytest.approx(e1)
     assert rows.area_mm2.tolist() == pytest.approx([12, 12, 12, 12])
     assert rows.area_share_pct["muscle", "shear_log_strain"] == pytest.approx(100 / 3)
     assert (rows.region == ["soleus", *["deep_fascia"] * 3]).all()

@@ -60,7 +60,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_tables_of_results_contain_solved_cases_alone(out):
-    for name in ("summary.csv", "contact.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv"):
         assert set(pd.read_csv(out / name).socket) == {"A"}
     cases = pd.read_csv(out / "cases.csv").set_index("case")
     assert cases.status.to_dict() == {"A_combined": "solved", "C_combined": "failed"}

@@ -203,6 +203,6 @@ def test_cases_side_by_side_are_exactly_those_one_after_another(mpirun, tmp_path
     words += ["combined", "--no-pictures", "--no-report"]
     for ranks in (1, 2):
         mpirun(ranks, [*words, "--out", f"on{ranks}"], timeout=900)
-    for name in ("summary.csv", "contact.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv"):
         assert (tmp_path / "on1" / name).read_bytes() == (tmp_path / "on2" / name).read_bytes()
     assert os.listdir(tmp_path / "on1") != []

@@ -110,7 +110,7 @@ def test_run_json_alone_repeats_the_run(results, tmp_path, monkeypatch):
         assert cli.main(words) == 0
     finally:
         given.with_name("away").rename(given)
-    for name in ("summary.csv", "contact.csv", "sweep.csv"):
+    for name in ("summary.csv", "levels.csv", "contact.csv", "sweep.csv"):
         assert (tmp_path / "again" / name).read_bytes() == (results / name).read_bytes()
     before, now = (
         json.loads((folder / "run.json").read_text()) for folder in (results, tmp_path / "again")

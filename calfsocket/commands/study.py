@@ -104,6 +104,7 @@ examples:
 
 results:
   summary.csv    largest stress and strain of each tissue, and contact pressure
+  levels.csv     what 50, 95, 99 and 99.9 % of each tissue's area stay below, mean and rms
   contact.csv    contact pressure, friction and gap along the skin
   steps.csv      load steps and Newton iterations
   cases.csv      which cases are solved, and why others are not

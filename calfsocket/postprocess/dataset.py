@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 DIRECTIONS = ("x", "y")
 COMPONENTS = ("11", "22", "33", "12")
 _PLANE = ("row", "column")
-_UNITS = {"kPa": "kPa", "mm": "mm", "percent": "percent", "deg": "degree"}
+_UNITS = {"kPa": "kPa", "mm": "mm", "mm2": "mm2", "percent": "percent", "deg": "degree"}
 _AT_GAUSS = ("cell", "gauss_point")
 
 CONTACT = {
@@ -54,6 +54,7 @@ def dataset(quantities: Quantities, line: ContactLine) -> "xarray.Dataset":
             fields.pressure,
             "pressure of the mixed field, positive in compression",
         ),
+        "gauss_area_mm2": (_AT_GAUSS, fields.gauss_area, "undeformed area of the Gauss point"),
     }
     if fields.elastic_gradient is not None:
         variables["elastic_gradient"] = (

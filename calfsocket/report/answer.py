@@ -1,12 +1,14 @@
 """The numbers of the answer: what a reader should take home. Its sentences are in the template."""
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import pandas as pd
 
+from calfsocket.postprocess.levels import BY_MAGNITUDE, NEARLY_ALL, SHARES
 from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.report import names
+from calfsocket.report.changes import magnitude_change
 from calfsocket.report.findings import Findings
 from calfsocket.report.method import states_of
 from calfsocket.report.words import number, span
@@ -14,38 +16,29 @@ from calfsocket.report.words import number, span
 MOST_NAMED, MOST_LISTED = 4, 6
 """Sockets that one sentence names, and cases."""
 
+BEYOND = 100 - SHARES[-1]
+"""Share of a tissue, %, that `NEARLY_ALL` leaves out."""
+
 
 @dataclass(frozen=True)
-class Peak:
-    """The largest value of a quantity in a tissue, and where it is."""
+class Level:
+    """What nearly all of a tissue's area stays below, in the socket where that is highest."""
 
     socket: str
     quantity: str
     value: float
     unit: str
     region: str
-    """Empty where its name says no more than the tissue's."""
+    """Where most of what reaches it is; empty where its name says no more than the tissue's."""
     direction: str
 
     def __str__(self) -> str:
-        return f"{names.QUANTITIES[self.quantity]} {number(abs(self.value))} {self.unit}"
+        return f"{number(self.value)} {self.unit} {names.QUANTITIES[self.quantity]}"
 
     @property
     def where(self) -> str:
         """Region and side of the limb."""
         return ", ".join(filter(None, (names.region(self.region), self.direction)))
-
-
-def _peak(findings: Findings, row: Any) -> Peak:
-    plain = row.tissue in row.region  # "deep_fascia" adds nothing to "fascia"
-    return Peak(
-        row.socket,
-        row.quantity,
-        row.value,
-        row.unit,
-        "" if plain else row.region,
-        findings.frame.direction(row.x_mm, row.y_mm),
-    )
 
 
 class Answer:
@@ -66,29 +59,54 @@ class Answer:
         skin = self._rows[self._rows.tissue == "skin"]  # a liner has contact, too
         rows = skin[skin.quantity == "contact_pressure_max"]
         mean = skin[skin.quantity == "contact_pressure_mean"].set_index("socket").value
-        peaks = [_peak(self.findings, row) for row in rows.itertuples()]
+        places = zip(rows.x_mm, rows.y_mm, strict=True)
         return pd.DataFrame(
             {
                 "socket": rows.socket,
                 "average": rows.socket.map(mean),
                 "largest": rows.value,
-                "side": [peak.direction for peak in peaks],
+                "side": [self.findings.frame.direction(*place) for place in places],
             }
         ).reset_index(drop=True)
 
     @property
-    def tissues(self) -> dict[str, list[Peak]]:
-        """Largest effective stress and shear strain of each tissue."""
-        found: dict[str, list[Peak]] = {}
+    def tissues(self) -> dict[str, list[Level]]:
+        """Highest level of effective stress and of shear strain in each tissue."""
+        rows = self._levels[self._levels.material_set == self.material_set]
+        found: dict[str, list[Level]] = {}
         for tissue in (name for name in REPORTED if name in self.findings.tissues):
             for quantity in ("effective_stress", "shear_log_strain"):
-                rows = self._rows[
-                    (self._rows.tissue == tissue) & (self._rows.quantity == quantity)
-                ].dropna(subset="value")
-                if rows.value.any():
-                    largest = rows.loc[rows.value.abs().idxmax()]
-                    found.setdefault(tissue, []).append(_peak(self.findings, largest))
+                of = rows[(rows.tissue == tissue) & (rows.quantity == quantity)]
+                if of[NEARLY_ALL].any():
+                    highest = of.loc[of[NEARLY_ALL].idxmax()]
+                    level = (quantity, float(highest[NEARLY_ALL]))
+                    where = self._where(highest.socket, tissue, *level)
+                    about = Level(highest.socket, *level, highest.unit, *where)
+                    found.setdefault(tissue, []).append(about)
         return found
+
+    def _where(self, socket: str, tissue: str, quantity: str, value: float) -> tuple[str, str]:
+        """Return the region and the side with most of a tissue's area at or above a value."""
+        quantities = self.results[socket, self.material_set].quantities
+        fields, values = quantities.fields, quantities.gauss[quantity]
+        sized = abs(values) if quantity in BY_MAGNITUDE else values
+        reached = sized >= value * (1 - 1e-9)  # the table has ten digits
+        areas: dict[tuple[str, str], float] = {}
+        for cell in fields.cells_of(tissue):
+            if reached[cell].any():
+                middle = fields.points[fields.cells[cell]].mean(axis=0)
+                region = fields.region_names[int(fields.region[cell])]
+                place = region, self.findings.frame.direction(*middle)
+                area = float(fields.gauss_area[cell][reached[cell]].sum())
+                areas[place] = areas.get(place, 0.0) + area
+        region, side = max(areas, key=lambda place: areas[place])
+        return "" if tissue in region else region, side  # "deep_fascia" adds nothing to "fascia"
+
+    @cached_property
+    def _levels(self) -> pd.DataFrame:
+        """Levels of whole tissues in all cases."""
+        rows = self.results.levels
+        return rows[rows.region == ""]
 
     # --- the Combined set against the Separate set
 
@@ -103,29 +121,36 @@ class Answer:
         rows = self.changes[self.changes.quantity == quantity]
         return rows.set_index("socket").relative_change_pct
 
-    def magnitude_changes(self, tissue: str, quantity: str) -> str:
-        """Return the range of changes of a tissue's maxima over sockets, %, in words."""
-        of = (self.changes.tissue == tissue) & (self.changes.quantity == quantity)
-        values = self.changes.magnitude_change_pct[of]
-        return span(values)
+    def _both(self, quantity: str) -> pd.DataFrame:
+        """Return levels of a quantity by socket and tissue, with a column for either set."""
+        rows = self._levels[self._levels.quantity == quantity]
+        rows = rows[rows.tissue.isin(self.findings.soft_tissues)]
+        sets = rows.pivot(index=["socket", "tissue"], columns="material_set", values=NEARLY_ALL)
+        return sets[[*names.SETS]].dropna()
+
+    def level_changes(self, tissue: str, quantity: str) -> str:
+        """Return the range of changes of a tissue's levels over sockets, %, in words."""
+        rows = self._both(quantity).xs(tissue, level="tissue")
+        return span(rows.separate.combine(rows.combined, magnitude_change))
 
     def most_loaded(self, material_set: str, quantity: str) -> str:
-        """Return the tissue with the largest magnitude, over the sockets with both sets."""
-        rows = self.changes[self.changes.quantity == quantity]
-        return names.TISSUES[rows.tissue[rows[material_set].abs().idxmax()]]
+        """Return the tissue with the highest level, over the sockets with both sets."""
+        _, tissue = self._both(quantity)[material_set].idxmax()
+        return names.TISSUES[tissue]
 
     # --- thresholds and stability
 
     @property
-    def damage(self) -> list[tuple[str, pd.DataFrame]]:
-        """What each threshold limits, in words, and the cases that are beyond it."""
+    def damage(self) -> list[tuple[str, pd.DataFrame, bool]]:
+        """What each threshold limits, in words, cases with more than `BEYOND`, and if any has."""
         table, found = self.findings.damage, []
         for threshold in self.findings.thresholds.all[:2]:
             tissue, quantity, limit = threshold.tissue, threshold.quantity, threshold.value
             rows = table[(table.tissue == tissue) & (table.quantity == quantity)]
             if len(rows):
                 what = f"{limit:g} % {names.QUANTITIES[quantity]} in {names.TISSUES[tissue]}"
-                found.append((what, rows[rows.level_pct > limit]))
+                share = rows.area_share_pct
+                found.append((what, rows[share > BEYOND], bool((share > 0).any())))
         return found
 
     @property

@@ -13,6 +13,7 @@ import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.fields import TISSUES
+from calfsocket.postprocess.levels import NEARLY_ALL, statistics_of
 from calfsocket.postprocess.thresholds import Threshold, area_beyond, tissue_area
 from calfsocket.simulation.results import KEY, Results
 
@@ -23,6 +24,7 @@ COLUMNS = (
     "threshold_pct",
     "level_pct",
     "region",
+    "below_99.9_pct",
     "area_mm2",
     "area_share_pct",
 )
@@ -60,7 +62,8 @@ def damage(results: Results, thresholds: DamageThresholds) -> pd.DataFrame:
     -------
     DataFrame
         One row a solved case and threshold: socket, material_set, tissue, quantity, threshold_pct;
-        level_pct, the magnitude of the maximum, with its region; area_mm2 and area_share_pct, the
+        level_pct, the magnitude of the maximum, with its region; below_99.9_pct, the magnitude that
+        99.9 % of the tissue's area stays below; area_mm2 and area_share_pct, the
         part of the tissue beyond the threshold (`calfsocket.postprocess.thresholds`): for muscle
         the damage risk volume of a slice.
     """
@@ -73,6 +76,7 @@ def damage(results: Results, thresholds: DamageThresholds) -> pd.DataFrame:
             level = result.quantities.maximum(tissue, quantity)
             area = area_beyond(result.quantities, threshold)
             share = 100 * area / tissue_area(result.fields, tissue)
-            about = tissue, quantity, threshold.value, abs(level.value), level.region
+            below = statistics_of(result.quantities, tissue, quantity)[NEARLY_ALL]
+            about = tissue, quantity, threshold.value, abs(level.value), level.region, below
             rows.append((*key, *about, area, share))
     return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -13,6 +13,8 @@ QUANTITIES = {
     "contact_pressure_max": "largest contact pressure",
     "contact_pressure_mean": "mean contact pressure",
     "contact_share": "share in contact",
+    "contact_pressure": "contact pressure",
+    "contact_shear": "shear along the skin",
 }
 SITES = {
     "max_separate": "at the Separate maximum",

@@ -26,6 +26,7 @@ FILES = {
     "run.json": "all inputs and checks (run.json)",
     "steps.csv": "load steps",
     "summary.csv": "maxima",
+    "levels.csv": "levels by area",
     "contact.csv": "contact",
 }
 """Files of a study, and what the page calls them."""

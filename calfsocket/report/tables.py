@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from calfsocket.materials.law import Law
+from calfsocket.postprocess.levels import NEARLY_ALL
 from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.postprocess.thresholds import SHARE
 from calfsocket.report import along, method, names, variants
@@ -28,6 +29,7 @@ def tables(findings: Findings) -> dict[str, Table]:
         laws(findings.laws),
         *(findings.uncertainty.tables() if findings.uncertainty else [sweep(findings.study)]),
         *along.tables(findings),
+        levels(results),
         maxima(results),
         thresholds(results),
         damage(findings.damage),
@@ -70,6 +72,18 @@ def _numbers(value: Any) -> str:
     return " ".join(f"{each:.6g}" for each in values)
 
 
+def levels(results: Results) -> Table:
+    """Levels by area of every case: of whole tissues on the page, of regions in the file."""
+    data = results.levels
+    shown = in_words(data[data.region == ""])
+    shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
+    text = [
+        f"{number(below)} (rms{TOGETHER}{number(rms)})"
+        for below, rms in zip(shown[NEARLY_ALL], shown.rms, strict=True)
+    ]
+    return _by_case("levels", data, shown, ["quantity"], text)
+
+
 def maxima(results: Results) -> Table:
     """Largest values of every case."""
     data = results.summary
@@ -105,9 +119,10 @@ def thresholds(results: Results) -> Table:
 def damage(data: pd.DataFrame) -> Table:
     """Strains against damage thresholds (`damage.damage`)."""
     text = [
-        f"{number(row.level_pct)} ({number(row.area_mm2)}{TOGETHER}mm²,"
-        f"{TOGETHER}{number(row.area_share_pct)}{TOGETHER}%)"
-        for row in data.itertuples()
+        f"{number(below)} ({number(area)}{TOGETHER}mm²,{TOGETHER}{number(share)}{TOGETHER}%)"
+        for below, area, share in zip(
+            data["below_99.9_pct"], data.area_mm2, data.area_share_pct, strict=True
+        )
     ]
     shown = in_words(data).assign(threshold=[f"{limit:g} %" for limit in data.threshold_pct])
     return _by_case("damage", data, shown, ["quantity", "threshold"], text)

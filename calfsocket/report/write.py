@@ -15,9 +15,10 @@ from calfsocket.parallel.tasks import side_by_side
 from calfsocket.plotting.files import Drawing
 from calfsocket.plotting.style import type_set
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
+from calfsocket.postprocess.levels import SHARES
 from calfsocket.postprocess.pressure_map import PLANE_STRAIN
 from calfsocket.report import along, inputs, method
-from calfsocket.report.answer import MOST_LISTED, MOST_NAMED, Answer
+from calfsocket.report.answer import BEYOND, MOST_LISTED, MOST_NAMED, Answer
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.figures import figures, maps
 from calfsocket.report.findings import Findings
@@ -144,6 +145,9 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "several": _several(findings),
         "plane_strain": PLANE_STRAIN,
         "answer": Answer(findings),
+        "nearly_all": f"{SHARES[-1]:g}",
+        "beyond": f"{BEYOND:g}",
+        "shares": [f"{share:g}" for share in SHARES[:-1]],
         "one_case": len(results) == 1,
         "one_socket": len(results.sockets) == 1,
         "several_sets": len(results.material_sets) > 1,

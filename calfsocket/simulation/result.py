@@ -14,6 +14,7 @@ from calfsocket.io.files import replacing, write_json
 from calfsocket.io.schema import read_json
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.levels import levels
 from calfsocket.postprocess.quantities import Maximum, Quantities, contact_quantities, summary
 from calfsocket.postprocess.series import SERIES_FILE, write_series
 from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
@@ -118,6 +119,32 @@ class Result:
             region. See `calfsocket.postprocess.quantities` for what a level is.
         """
         return self._summary.copy()
+
+    @cached_property
+    def _levels(self) -> pd.DataFrame:
+        return levels(self.quantities, self.line, self.lining)
+
+    def levels(self) -> pd.DataFrame:
+        """Return mean, rms and the levels that 50, 95, 99 and 99.9 % of the area stay below.
+
+        Of every quantity of the summary in every tissue and region, by undeformed area, and of
+        pressure and shear along the skin in contact, by undeformed length. These numbers settle
+        when the mesh is refined, which largest values need not.
+
+        Returns
+        -------
+        DataFrame
+            tissue, region (empty for the whole tissue), quantity, unit (kPa or %), area_mm2 or
+            length_mm; mean, rms; below_50 to below_99.9, in magnitude where a sign is a direction;
+            upper_50 to upper_99.9 and lower_50 to lower_99.9, the levels with their sign that
+            a share of the area stays below and above. `calfsocket.postprocess.levels` defines
+            a level.
+
+        Examples
+        --------
+        ``result.levels().query("tissue == 'skin' and region == ''")["below_99.9"]``
+        """
+        return self._levels.copy()
 
     def of_states(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
         """Return a table of the case; with a column `state` where it has stages of loading."""

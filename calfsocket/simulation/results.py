@@ -13,6 +13,7 @@ from calfsocket.io.schema import nearest, read_json
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.mechanics.loading import DONNED
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
+from calfsocket.postprocess.levels import LEVEL_COLUMNS
 from calfsocket.postprocess.pressure_map import PressureMap
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
@@ -21,6 +22,7 @@ from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS
 from calfsocket.simulation.uncertain import Design, Uncertain, evaluate, read_design
 
 SUMMARY_FILE = "summary.csv"
+LEVELS_FILE = "levels.csv"
 WORST_FILE = "worst_levels.csv"
 MAPS = "pressure_maps"
 """Folder of the maps of a limb of many levels."""
@@ -99,6 +101,11 @@ class Results(Mapping[Key, Result]):
     def summary(self) -> pd.DataFrame:
         """Rows of summary.csv of all donned sockets; computed where there is none."""
         return self._table(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
+
+    @cached_property
+    def levels(self) -> pd.DataFrame:
+        """Rows of levels.csv of all donned sockets; computed where there is none."""
+        return self._table(LEVELS_FILE, Result.levels, LEVEL_COLUMNS).fillna({"region": ""})
 
     @cached_property
     def states(self) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from calfsocket.simulation.results import KEY, Key
 CASE_FILES = (FIELDS_FILE, "contact.csv")
 """Files of a finished case; its picture can be drawn again from them."""
 
-CASE_TABLES = ("summary.csv", "contact.csv", "steps.csv")
+CASE_TABLES = ("summary.csv", "levels.csv", "contact.csv", "steps.csv")
 """Tables in which a case has rows of its own."""
 
 STAGE_TABLES = (CURVE_FILE,)

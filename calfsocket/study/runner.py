@@ -214,9 +214,11 @@ class _CaseRunner(Monitor):
     def _write_results(self, result: Result, phases: Phases) -> None:
         with phases("quantities"):
             summary = result.of_states(self._summary)
+            levels = result.of_states(Result.levels)
         with phases("files"):
             self._merge("contact.csv", result.of_states(lambda state: state.contact))
             self._merge("summary.csv", summary)
+            self._merge("levels.csv", levels)
             if result.curve is not None:
                 self._merge(CURVE_FILE, result.curve)
 
