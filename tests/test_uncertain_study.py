@@ -12,7 +12,7 @@ from report_text import write_small
 from calfsocket import cli
 from calfsocket.io.errors import InputError, SolveError
 from calfsocket.simulation.results import load_results
-from calfsocket.simulation.uncertain import EVALUATED
+from calfsocket.simulation.uncertain import EVALUATED, numbers
 from calfsocket.study import runner
 from calfsocket.study.study import Study
 from tiny_study import tiny_limb
@@ -185,3 +185,53 @@ def test_another_seed_is_another_study(given, results, tmp_path, capsys):
     path.write_text(STUDY.replace("cases = 8", "cases = 8\nseed = 2"))
     assert cli.main(["run", str(path), "--out", str(results), "--resume"]) == 2
     assert "contains results of other inputs (case A@u001_combined" in capsys.readouterr().err
+
+
+def test_the_shipped_study_can_be_run():
+    examples = Path(__file__).resolve().parent.parent / "examples"
+    plan = Study.read(examples / "calf_uncertain.toml").plan
+    uncertain = plan.document.uncertainty
+    assert len(plan.cases) == 1 + uncertain.cases and len(uncertain.inputs) == 10
+    assert all(each.source for each in uncertain.inputs.values())
+    paper = Study.paper().cases
+    (own,) = (case for case in paper if case.key == ("HS", "separate"))
+    ours = plan.cases[0].materials.tissue_laws()
+    for tissue, law in own.materials.tissue_laws().items():
+        # D1 of the paper is printed with three digits
+        assert ours[tissue].initial_shear_modulus == pytest.approx(law.initial_shear_modulus)
+    assert len({case.geometry for case in plan.cases}) == 1
+
+
+@pytest.mark.slow
+def test_200_direct_cases_have_the_band_that_40_predict(given):
+    """What the chaos of one design says of 200 cases that are drawn at random and solved."""
+    inputs = """
+    [uncertainty]
+    cases = {cases}
+    design = "{design}"
+    seed = {seed}
+    [uncertainty.inputs]
+    model.friction = {{ distribution = "uniform", low = 0.2, high = 0.6 }}
+    laws.combined.mu.0 = {{ distribution = "lognormal", mean = "12 kPa", cv = "30 %" }}
+    laws.skin.mu.0 = {{ distribution = "lognormal", mean = "220 kPa", cv = "50 %" }}
+    sockets.A.modulus = {{ distribution = "triangular", low = "100 MPa", mode = "459 MPa", high = "1 GPa" }}
+    """  # noqa: E501
+    base = STUDY.partition("[uncertainty]")[0]
+    found = {}
+    for design, cases, seed in (("sobol", 40, 1), ("random", 200, 7)):
+        path = given.parent / f"{design}.toml"
+        path.write_text(base + inputs.format(design=design, cases=cases, seed=seed))
+        found[design] = Study.read(path).run(out=given.parent / design, pictures=False)
+    assert not found["sobol"].left_out and not found["random"].left_out
+    table = found["sobol"].uncertainty.table
+    trusted = table[table.trusted & (table.sd > 1e-3 * table["mean"])]
+    assert len(trusted) >= 10
+    cases = numbers(found["random"].summary, found["random"].levels)
+    cases = cases[cases.socket != "A"].assign(value=cases.value.abs())
+    for row in trusted.itertuples():
+        values = cases[(cases.tissue == row.tissue) & (cases.quantity == row.quantity)].value
+        error = row.sd / np.sqrt(200)
+        assert values.mean() == pytest.approx(row.mean, abs=3.5 * error), row
+        assert values.std() == pytest.approx(row.sd, rel=0.25), row
+        # 190 of 200 expected inside, 178 to 199 with a probability of 99.98 %
+        assert 178 <= values.between(row.low, row.high).sum() <= 199, row

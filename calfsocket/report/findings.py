@@ -54,6 +54,11 @@ class Findings:
             return self.study.select({}) or self.study
         return variants(self.study).get(BASE, self.study)
 
+    @property
+    def judged(self) -> Results:
+        """The cases whose checks are told one by one: all but those of a design."""
+        return self.results if self.uncertainty else self.study
+
     @cached_property
     def uncertainty(self) -> Uncertainty | None:
         """What uncertain inputs do to the results, where the study has any."""

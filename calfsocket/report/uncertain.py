@@ -1,11 +1,13 @@
 """What a report shows of uncertain inputs: bands, what matters most, and how far to trust it."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import pandas as pd
 
+from calfsocket.postprocess.levels import NEARLY_ALL
 from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.report import names
 from calfsocket.report.table import Table
@@ -24,8 +26,9 @@ NO_SHARE = 0.005
 DOUBT = "*"
 """Mark of what must not be trusted."""
 
-OF_CONTACT = ("contact_pressure_mean", "contact_pressure_max")
-OF_TISSUES = ("effective_stress", "shear_log_strain")
+SETTLES = f"_{NEARLY_ALL}"
+OF_CONTACT = ("contact_pressure_mean", f"contact_pressure{SETTLES}")
+OF_TISSUES = (f"effective_stress{SETTLES}", f"shear_log_strain{SETTLES}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,15 @@ class Uncertainty:
             if group.failures
         ]
 
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know of the cases of the design, a line for each kind."""
+        found = [f"{len(self.failed)} of {self.drawn} cases of the design were not solved"]
+        texts = (text for group in self.design.groups for r in group.records for text in r.warnings)
+        counts = Counter(text.partition(":")[0].partition(" of ")[0] for text in texts)
+        kinds = [f"{n} of {self.drawn} cases of the design: {text}" for text, n in counts.items()]
+        return [*(found if self.failed else []), *kinds]
+
     # --- its numbers
 
     @cached_property
@@ -122,7 +134,7 @@ class Uncertainty:
         """Return a number in words."""
         of_case = f"{_case(key_of(row))}: " if len(self.design.groups) > 1 else ""
         tissue = "" if row.quantity in OF_CONTACT else f"{names.TISSUES[row.tissue]}, "
-        return f"{of_case}{tissue}{names.QUANTITIES[row.quantity]}"
+        return f"{of_case}{tissue}{names.QUANTITIES[row.quantity.removesuffix(SETTLES)]}"
 
     # --- tables
 

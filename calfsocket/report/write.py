@@ -123,7 +123,9 @@ def _write(findings: Findings, guest: Guest, drawn: Mapping[str, Drawing]) -> Pa
         {**tables(findings), **guest.tables},
         guest.numbers,
     )
-    warnings = [*method.warnings(findings.study), *guest.warnings]
+    uncertain = findings.uncertainty
+    of_design = uncertain.warnings if uncertain else []
+    warnings = [*method.warnings(findings.judged), *of_design, *guest.warnings]
     values = {**values_of(findings), **guest.values, "warnings": warnings}
     return page.write(guest.template, guest.package, **values)
 

@@ -19,7 +19,7 @@ from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
-from calfsocket.simulation.uncertain import Design, Uncertain, evaluate, read_design
+from calfsocket.simulation.uncertain import Design, Uncertain, evaluate, numbers, read_design
 
 SUMMARY_FILE = "summary.csv"
 LEVELS_FILE = "levels.csv"
@@ -205,7 +205,8 @@ class Results(Mapping[Key, Result]):
         """What the study's uncertain inputs do to its results; None where it has none."""
         if self.run is None or "uncertainty" not in self.run.study.content:
             return None
-        return Uncertain.read(self.folder) or evaluate(self.design, self.summary, self.contact)
+        found = Uncertain.read(self.folder)
+        return found or evaluate(self.design, numbers(self.summary, self.levels), self.contact)
 
     @property
     def design(self) -> Design:

@@ -12,6 +12,7 @@ from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.levels import NEARLY_ALL
 from calfsocket.simulation.record import KEY, CaseRecord
 from calfsocket.uncertainty.chaos import BAND, TRUSTED, Basis, fit
 from calfsocket.uncertainty.failures import pattern
@@ -194,15 +195,26 @@ class Uncertain:
         return [folder / name for name in EVALUATED]
 
 
+def numbers(summary: pd.DataFrame, levels: pd.DataFrame) -> pd.DataFrame:
+    """Return all numbers of cases as rows of a summary.
+
+    With what nearly all of a tissue's area stays below, as QUANTITY_below_99.9.
+    """
+    whole = levels[levels.region == ""]
+    settling = whole.assign(quantity=whole.quantity + f"_{NEARLY_ALL}", value=whole[NEARLY_ALL])
+    columns = [*NUMBER, "unit", "value"]
+    return pd.concat([summary[columns], settling[columns]], ignore_index=True)
+
+
 def evaluate(design: Design, summary: pd.DataFrame, contact: pd.DataFrame) -> Uncertain:
-    """Fit a chaos to every quantity of the summary, and to the contact pressure around the limb.
+    """Fit a chaos to every number of the cases, and to the contact pressure around the limb.
 
     Parameters
     ----------
     design : Design
         The cases and their inputs.
     summary, contact : DataFrame
-        Of the donned sockets of all solved cases, as in `Results`.
+        `numbers` and contact of the donned sockets of all solved cases, as in `Results`.
     """
     of_summary = dict(list(summary.groupby([*KEY], sort=False)))
     of_contact = dict(list(contact.groupby([*KEY], sort=False)))

@@ -188,28 +188,26 @@ def drawn(n: int) -> NDArray[np.int64]:
 def fit(basis: Basis, values: Array, output: Array) -> Chaos:
     """Fit a chaos to an output (n,) of cases at values of the inputs (n, d).
 
-    The degree is that with the smallest corrected leave-one-out error. Q2 is that of `FOLDS`-fold
-    cross-validation with this degree, in which terms are selected anew without each part.
+    The degree is that with the largest Q2, by `FOLDS`-fold cross-validation in which terms are
+    selected anew without each part.
     """
     constant = np.zeros((1, values.shape[1]), dtype=np.int64)
     if np.ptp(output) <= 1e-12 * np.abs(output).max():
         return Chaos(basis, constant, output[:1] * 1.0, np.zeros(len(output)), np.nan)
     germs = basis.germs(values)
+    residuals: Array = output - output.mean()
     terms: Multi = constant
     matrix: Array = np.ones((len(output), 1))
-    best, best_error = 0, np.inf
+    best, most = 0, TERMS_PER_CASE * len(output)
     for degree in range(1, MOST_DEGREE + 1):
         candidates = basis.terms(degree)
-        if degree > 1 and (
-            len(candidates) > TERMS_PER_CASE * len(output) or degree > best + PATIENCE
-        ):
+        if degree > 1 and (len(candidates) > most or degree > best + PATIENCE):
             break
         columns = basis.evaluate(candidates, germs)
-        _, error = select(columns, output)
-        if error < best_error:
-            best, best_error, terms, matrix = degree, error, candidates, columns
-    coefficients, _ = select(matrix, output)
-    residuals = _left_out(matrix, output)
+        left_out = _left_out(columns, output)
+        if np.mean(left_out**2) < np.mean(residuals**2):
+            best, residuals, terms, matrix = degree, left_out, candidates, columns
+    coefficients = select(matrix, output)
     kept = coefficients != 0
     kept[0] = True
     q2 = 1 - float(np.mean(residuals**2) / np.var(output))
@@ -222,7 +220,7 @@ def _left_out(matrix: Array, output: Array) -> Array:
     fold = np.arange(len(output)) % min(FOLDS, len(output))
     for each in range(fold.max() + 1):
         out = fold == each
-        coefficients, _ = select(matrix[~out], output[~out])
+        coefficients = select(matrix[~out], output[~out])
         residuals[out] = output[out] - matrix[out] @ coefficients
     return residuals
 
@@ -237,11 +235,13 @@ def _coordinates(p: int) -> list[object]:
     ]
 
 
-def select(matrix: Array, output: Array) -> tuple[Array, float]:
-    """Select columns by least angle regression; return their coefficients, and the error.
+def select(matrix: Array, output: Array) -> Array:
+    """Select columns by least angle regression; return their coefficients, 0 of the others.
 
-    The error is the corrected leave-one-out one; columns that are not selected have 0.
+    As many as have the smallest corrected leave-one-out error.
     """
+    if matrix.shape[1] == 1:
+        return np.array([output.mean()])
     import openturns as ot
 
     n, p = matrix.shape
@@ -258,4 +258,4 @@ def select(matrix: Array, output: Array) -> tuple[Array, float]:
     algorithm.run()
     coefficients = np.array(algorithm.getCoefficients()) * scale
     coefficients[0] += centre - scale
-    return coefficients, float(algorithm.getRelativeError())
+    return coefficients
