@@ -123,6 +123,9 @@ TRIALS = (
           study('s = { distribution = "uniform", low = "1 kPa", high = "2 kPa",'
                 ' scales = ["materials.soft.fat.mu.0"] }\n'),
           ("s: scales: a factor has no unit, and values are in kPa",)),
+    Trial("an input whose name is a formula",
+          study((FACTOR % FRICTION).replace("stiffness", '"=1+1"')),
+          ("inputs: '=1+1' is no name; use up to 80 letters",)),
     Trial("a parameter of two inputs", study(TWO + FACTOR % FRICTION),
           ("model.friction is changed by 'model.friction' and by 'stiffness'",)),
     Trial("a correlation of an unknown input",

@@ -14,7 +14,7 @@ from calfsocket.io.schema import Strict
 if TYPE_CHECKING:
     import openturns as ot
 
-Value = float | str
+Value = Annotated[float, Field(strict=True)] | str
 Share = Annotated[str, Field(examples=["20 %"])]
 
 LEAST_KEPT = 0.01
@@ -435,7 +435,8 @@ class Choice(Distribution):
 
     def value(self, text: Any) -> float:
         """Return the number of a value, as the file or a table has it."""
-        return float([str(each) for each in self.values].index(str(text)))
+        alike = [str(each) == str(text) or each == text for each in self.values]  # 1 is 1.0
+        return float(alike.index(True))
 
     def _check(self) -> None:
         if len(self.values) < 2 or len(set(map(repr, self.values))) < len(self.values):

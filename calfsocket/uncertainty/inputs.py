@@ -1,5 +1,6 @@
 """The table of uncertain inputs, their joint distribution, and designs of cases drawn from it."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +17,9 @@ Array = NDArray[np.float64]
 
 CASES_PER_TERM = 2
 """Least cases for each term of a linear chaos: as many to fit it, and as many to judge it."""
+
+NAME = re.compile(r"[^\W\d_][\w .+'-]{0,79}")
+"""Of an input: it is a cell in tables, and must be no formula."""
 
 EDGE = 1e-12
 """Distance that probabilities keep from 0 and 1, where a normal distribution has no quantile."""
@@ -100,9 +104,14 @@ class Uncertainty(Strict):
         return self
 
     def _check_parameters(self) -> None:
-        """Refuse a parameter that two inputs change."""
+        """Refuse names that are no words, and a parameter that two inputs change."""
         owner: dict[str, str] = {}
         for name, each in self.inputs.items():
+            if not NAME.fullmatch(name):
+                raise ValueError(
+                    f"inputs: {name!r} is no name; use up to 80 letters, digits, blanks and "
+                    "._+'- that begin with a letter"
+                )
             for parameter in each.scales or (name,):
                 if owner.setdefault(parameter, name) != name:
                     raise ValueError(

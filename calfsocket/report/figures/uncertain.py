@@ -94,7 +94,7 @@ def shares(
     colours = _colours(len(wide.columns))
     for colour, name in zip(colours, wide.columns, strict=True):
         width = 100 * wide[name].fillna(0.0).to_numpy()
-        axes.barh(places, width, left=left, height=0.72, color=colour, label=titles[name])
+        axes.barh(places, width, left=left, height=0.72, color=colour, label=_plain(titles[name]))
         left += width
     axes.set_yticks(places, [labels[name] for name in wide.index])
     axes.set(ylim=(len(wide) - 0.4, -0.6), xlim=(0, max(100.0, left.max())))
@@ -104,6 +104,11 @@ def shares(
         axes.spines[side].set_visible(False)
     figure.legend(frameon=False, loc="lower left", ncols=5, bbox_to_anchor=(0.01, 0.0))
     return figure
+
+
+def _plain(text: str) -> str:
+    """Return a text in which matplotlib finds no formula."""
+    return text.replace("$", r"\$")
 
 
 def _colours(n: int) -> list[object]:
