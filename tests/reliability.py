@@ -30,6 +30,7 @@ SUBJECTS = (
     "test_bad_sockets",
     "test_bad_sections",
     "test_bad_levels",
+    "test_bad_uncertainty",
     "test_bad_data",
     "test_faults",
     "test_mpi_faults",

@@ -13,7 +13,7 @@ PACKAGE = REPOSITORY / "calfsocket"
 
 FLOORS = (
     ("io",),
-    ("parallel", "forms", "meshes"),
+    ("parallel", "forms", "meshes", "uncertainty"),
     ("materials", "imaging"),
     ("contact",),
     ("mechanics",),

@@ -67,16 +67,20 @@ def check(arguments: Namespace) -> None:
 def listing(path: Path, plan: "Plan") -> str:
     """List the cases, and how their sockets sit on the limb."""
     n = len(plan.cases)
-    width = max(len(case.name) for case in plan.cases)
+    listed = [case for case in plan.cases if case.row is None]
+    width = max(len(case.name) for case in listed)
     size = plan.document.model.size
     lines = [f"{path}: {n} case{'s' if n > 1 else ''}, mesh {size}"]
     lines.append(f"  {'case':{width}}  area lost  touching  deepest overlap  where")
-    for case in plan.cases:
+    for case in listed:
         on = case.placement
         lines.append(
             f"  {case.name:{width}}  {100 * on.area_reduction:7.2f} %  {100 * on.touching:6.0f} %  "
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
+    if uncertain := plan.document.uncertainty:
+        lines.append(f"  and {n - len(listed)} of a design in uncertain inputs:")
+        lines += [f"    {name}: {of.words}" for name, of in uncertain.inputs.items()]
     lines += [f"  {notice}" for notice in plan.notices]
     if plan.unused:
         lines.append(f"  not used: {', '.join(plan.unused)}")

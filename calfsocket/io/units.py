@@ -111,3 +111,30 @@ def like(text: object, value: float) -> str:
         if found and dimension.has(found[2] or ""):
             return dimension.text(value, found[2])
     return f"{value:g}"
+
+
+def unit_of(text: str) -> str:
+    """Return the unit of a text such as ``"12 kPa"``; else a ValueError."""
+    found = _QUANTITY.fullmatch(text)
+    if not found or not found[2]:
+        raise ValueError(f"{text!r} is not a number with a unit, e.g. '1.2 kPa'")
+    if not any(dimension.has(found[2]) for dimension in DIMENSIONS):
+        known = ", ".join(unit for dimension in DIMENSIONS for unit in dimension.allowed[:3])
+        raise ValueError(f"unit {found[2]!r} is unknown; use one such as {known}")
+    return found[2]
+
+
+def in_unit(text: str, unit: str) -> float:
+    """Return the number that a text such as ``"12 kPa"`` has in another unit.
+
+    >>> in_unit("12 kPa", "MPa")
+    0.012
+    """
+    own = unit_of(text)
+    for dimension in DIMENSIONS:
+        if unit and dimension.has(unit):
+            if not dimension.has(own):
+                break
+            number = Decimal(_QUANTITY.fullmatch(text)[1])  # type: ignore[index]
+            return float(number * dimension.factor(own) / dimension.factor(unit))
+    raise ValueError(f"{text!r} has another dimension than the input, which is in {unit or '1'}")

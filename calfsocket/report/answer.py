@@ -156,6 +156,6 @@ class Answer:
     @property
     def unstable(self) -> list[str]:
         """States whose equilibrium is not stable, with the number of negative modes."""
-        records = states_of(self.findings.study)
+        records = states_of(self.findings.judged)
         modes = {name: each.checks.negative_modes for name, each in records if each.checks}
         return [f"{name} ({n})" for name, n in modes.items() if n]

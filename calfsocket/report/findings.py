@@ -25,6 +25,7 @@ from calfsocket.report import inputs, names
 from calfsocket.report.changes import relative_changes
 from calfsocket.report.damage import DamageThresholds, damage
 from calfsocket.report.names import SETS
+from calfsocket.report.uncertain import Uncertainty
 from calfsocket.report.variants import BASE, variants
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Key, Results
@@ -46,8 +47,20 @@ class Findings:
 
     @cached_property
     def results(self) -> Results:
-        """The cases that are shown one by one: those of the base, where a study has variants."""
+        """The cases that are shown one by one: of variants or a design, those of the base."""
+        if self.uncertainty:
+            return self.study.select({}) or self.study
         return variants(self.study).get(BASE, self.study)
+
+    @property
+    def judged(self) -> Results:
+        """The cases whose checks are told one by one: all but those of a design."""
+        return self.results if self.uncertainty else self.study
+
+    @cached_property
+    def uncertainty(self) -> Uncertainty | None:
+        """What uncertain inputs do to the results, where the study has any."""
+        return Uncertainty.of(self.study)
 
     @cached_property
     def changes(self) -> pd.DataFrame:

@@ -27,7 +27,7 @@ def tables(findings: Findings) -> dict[str, Table]:
     results = findings.results
     made = (
         laws(findings.laws),
-        sweep(findings.study),
+        *(findings.uncertainty.tables() if findings.uncertainty else [sweep(findings.study)]),
         *along.tables(findings),
         levels(results),
         maxima(results),

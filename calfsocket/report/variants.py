@@ -27,6 +27,8 @@ def variants(study: Results) -> dict[str, Results]:
 
     Empty where a study has no base or nothing beside it, as a sweep of a grid.
     """
+    if study.run and "uncertainty" in study.run.study.content:
+        return {}  # a design is not told case by case
     base = study.select({})
     found = {} if not base else {BASE: base}
     for record in study.records.values():

@@ -123,7 +123,9 @@ def _write(findings: Findings, guest: Guest, drawn: Mapping[str, Drawing]) -> Pa
         {**tables(findings), **guest.tables},
         guest.numbers,
     )
-    warnings = [*method.warnings(findings.study), *guest.warnings]
+    uncertain = findings.uncertainty
+    of_design = uncertain.warnings if uncertain else []
+    warnings = [*method.warnings(findings.judged), *of_design, *guest.warnings]
     values = {**values_of(findings), **guest.values, "warnings": warnings}
     return page.write(guest.template, guest.package, **values)
 
@@ -138,6 +140,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "limb": findings.limb,
         "liner": findings.liner,
         "levels": findings.levels,
+        "uncertain": findings.uncertainty,
         "maps": along.maps(findings),
         "map_files": results.folder.joinpath(MAPS).is_dir(),
         "one_design": len({record.along[0] for record in results.records.values()}) == 1,

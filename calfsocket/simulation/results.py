@@ -19,6 +19,7 @@ from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
+from calfsocket.simulation.uncertain import Design, Uncertain, evaluate, numbers, read_design
 
 SUMMARY_FILE = "summary.csv"
 LEVELS_FILE = "levels.csv"
@@ -196,6 +197,27 @@ class Results(Mapping[Key, Result]):
                 self.worst_levels.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
             paths.append(worst)
         return paths
+
+    # -- with uncertain inputs ------------------------------------------------------------------
+
+    @cached_property
+    def uncertainty(self) -> Uncertain | None:
+        """What the study's uncertain inputs do to its results; None where it has none."""
+        if self.run is None or "uncertainty" not in self.run.study.content:
+            return None
+        found = Uncertain.read(self.folder)
+        return found or evaluate(self.design, numbers(self.summary, self.levels), self.contact)
+
+    @property
+    def design(self) -> Design:
+        """Cases of the design of uncertain inputs, solved or not."""
+        assert self.run is not None
+        content = self.run.study.content["uncertainty"]
+        return read_design(self.folder, content, self._records.values())
+
+    def write_uncertainty(self) -> list[Path]:
+        """Write the tables of `uncertainty`, if there is any; return their paths."""
+        return self.uncertainty.write(self.folder) if self.uncertainty else []
 
     def only(self, keys: Iterable[Key]) -> "Results":
         """Return the results of some cases."""

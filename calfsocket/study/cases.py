@@ -20,11 +20,12 @@ from calfsocket.meshes.sizing import MeshSize
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
-from calfsocket.study import sweep
+from calfsocket.study import design, sweep
 from calfsocket.study.absent import refuse_absent
 from calfsocket.study.document import Document
 from calfsocket.study.files import Files
 from calfsocket.study.sweep import Changes, Labels, Point
+from calfsocket.uncertainty.inputs import Uncertainty
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -50,6 +51,8 @@ class Case:
     changes: Changes
     placement: Placement
     level: Level | None = None
+    row: int | None = None
+    """Of the design of uncertain inputs; None of a case that the file asks for."""
 
     @property
     def place(self) -> Place | None:
@@ -247,8 +250,13 @@ class Planner:
         self._placements: dict[tuple[AnySocket, int, bool, Liner | None], Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
-        with error_context(path):
-            self._points = sweep.points(self.document.sweep)
+        uncertain = self.document.uncertainty
+        self._way = "uncertainty" if uncertain else "sweep"
+        if uncertain:
+            self._points = self._design(uncertain)
+        else:
+            with error_context(path):
+                self._points = sweep.points(self.document.sweep)
         changed = (name for point in self._points for name in point.changes)
         self.parameters = tuple(dict.fromkeys(changed))
 
@@ -285,10 +293,20 @@ class Planner:
         for name in self.parameters:
             if not any(name in case.changes for case in cases.values()):
                 raise InputError(
-                    f"{self._path}: sweep: {name} affects no case; add its socket or material set "
-                    "to the study, or remove it"
+                    f"{self._path}: {self._way}: {name} affects no case; add its socket or "
+                    "material set to the study, or remove it"
                 )
         return tuple(cases.values())
+
+    def _design(self, uncertain: Uncertainty) -> list[Point]:
+        """Return the file as it is and the cases of the design, whose ends are checked first."""
+        place = "uncertainty.inputs"
+        for name, key, value in design.ends(uncertain):
+            with error_context(self._path, f"{place}: {name}: {key}"):
+                changes = design.changes(self._content, uncertain.inputs[name], name, value)
+                sweep.applied(self._content, changes)
+            self._changed_document(changes, f"{place}: {name}: {key}")
+        return design.points(uncertain, self._content)
 
     # -- what the file asks for -----------------------------------------------------------------
 
@@ -318,7 +336,7 @@ class Planner:
                     yield _Asked(socket, materials, {}, "", "study")
 
     def _check_changes(self, asked: list[_Asked]) -> None:
-        changed = [("sweep", point.changes) for point in self._points]
+        changed = [(self._way, point.changes) for point in self._points]
         changed += [(each.place, each.changes) for each in asked]
         for place, changes in changed:
             with error_context(self._path, place):
@@ -376,6 +394,8 @@ class Planner:
         if key not in self._documents:
             with error_context(self._path, place):
                 content = sweep.applied(self._content, changes)
+                if changes:  # what is drawn of it is checked, and takes time
+                    content.pop("uncertainty", None)
                 refuse_absent(content)
             words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
             origin = f"{place}: with {words}: " if changes else ""
@@ -393,7 +413,7 @@ class Planner:
         self, asked: _Asked, changes: Changes, point: Point, labels: Labels, number: int
     ) -> Iterator[Case]:
         """Yield a case for each section of the limb, from distal to proximal."""
-        place = "sweep" if any(name in changes for name in point.changes) else asked.place
+        place = self._way if any(name in changes for name in point.changes) else asked.place
         document = self._changed_document(changes, place)
         if changes:
             self._check_names(document)
@@ -428,6 +448,7 @@ class Planner:
                 changes=dict(changes),
                 placement=self._placement(socket, asked.socket, section, document),
                 level=level,
+                row=point.row,
             )
 
     def _materials(self, document: Document, name: str, label: str, limb: Limb) -> MaterialSet:

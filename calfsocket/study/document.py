@@ -24,6 +24,7 @@ from calfsocket.postprocess.thresholds import THRESHOLD_UNITS, Threshold
 from calfsocket.study.materials import LawOrFile, MaterialSetTable
 from calfsocket.study.names import File, Name
 from calfsocket.study.sweep import Sweep
+from calfsocket.uncertainty.inputs import Uncertainty
 
 SCHEMA_FILE = "study.schema.json"
 
@@ -200,6 +201,7 @@ class Document(Strict):
     ] = ()
     cases: tuple[CaseTable, ...] = ()
     sweep: Sweep | None = None
+    uncertainty: Uncertainty | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -234,6 +236,12 @@ class Document(Strict):
             check_carried(self.loads, self.model.socket_carried)
         except ValueError as error:
             raise ValueError(f"model.socket_carried: {error}") from None
+        return self
+
+    @model_validator(mode="after")
+    def _one_way_to_change(self) -> "Document":
+        if self.sweep and self.uncertainty:
+            raise ValueError("sweep: cannot be combined with uncertainty; remove one of the two")
         return self
 
     @property

@@ -161,12 +161,15 @@ def _lines(plan: Plan, drawn: int) -> list[str]:
         f"threshold: {each.quantity} in {each.tissue} above {each.value:g} {each.unit}"
         for each in plan.thresholds
     ]
-    for case in plan.cases[:MOST_LISTED]:
+    own = [case for case in plan.cases if case.row is None]
+    for case in own[:MOST_LISTED]:
         custom = custom_laws(case)
         words = f"  custom laws: {', '.join(custom)}" if custom else ""
         lines += textwrap.wrap(f"{case.name}{words}", 110, subsequent_indent="    ")
-    if len(plan.cases) > MOST_LISTED:
-        lines.append(f"and {len(plan.cases) - MOST_LISTED} more")
+    if len(own) > MOST_LISTED:
+        lines.append(f"and {len(own) - MOST_LISTED} more")
+    if len(own) < len(plan.cases):
+        lines.append(f"and {len(plan.cases) - len(own)} of a design in uncertain inputs")
     if drawn == MOST_SHOWN:
         lines.append(f"The first {MOST_SHOWN} geometries are drawn.")
     return lines

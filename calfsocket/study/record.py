@@ -16,18 +16,19 @@ from calfsocket.io.tables import remove_rows
 from calfsocket.meshes import tags
 from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
+from calfsocket.simulation import uncertain
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, STAGE_FILES, conditions
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import LEVEL, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.results import KEY
-from calfsocket.study import restart, sweep_table
+from calfsocket.study import design_table, restart, sweep_table
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.sweep import flat
 from calfsocket.study.sweep_table import SWEEP_FILE
 
 CASES_FILE = "cases.csv"
 TABLES = (*restart.CASE_TABLES, *restart.STAGE_TABLES)
-FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, CASES_FILE, RUN_FILE)
+FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, *uncertain.FILES, CASES_FILE, RUN_FILE)
 """Files of a study beside its cases' folders."""
 
 log = logging.getLogger(__name__)
@@ -61,6 +62,8 @@ class Recorder:
         again = tuple(case for case in plan.to_solve if case not in kept)
         self.to_solve = (*again, *self.on_second_mesh)
         records = {case.name: case.record for case in again}
+        for name in uncertain.EVALUATED:  # of fewer cases than there will be
+            (out / name).unlink(missing_ok=True)
         # A case that is solved again has no results until it reaches its full load again.
         for table in TABLES:
             remove_rows(out / table, KEY, {case.key for case in again})
@@ -126,6 +129,8 @@ class Recorder:
         write_json(self._out / RUN_FILE, self._record.model_dump(mode="json", exclude_none=True))
         with replacing(self._out / CASES_FILE) as temporary:
             cases_table(cases.values()).to_csv(temporary, index=False)
+        if self._plan.document.uncertainty:
+            design_table.write(self._out, self._plan, cases)
         if self._plan.parameters:
             sweep_table.write(self._out, self._plan, cases)
         for name in self._asked:

@@ -277,7 +277,7 @@ class _CaseRunner(Monitor):
             self._merge("steps.csv", result.steps)
         if result.solved:  # what a case has come to on its way is no result of the study
             self._write_results(result, phases)
-        if study.pictures:
+        if study.pictures and self._case.row is None:  # nobody looks at a hundred of a design
             with phases("picture"), logged(f"the picture of {self._case.name} could not be made"):
                 result.draw(folder)
 

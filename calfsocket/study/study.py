@@ -244,6 +244,7 @@ class Study:
             runner.run(resume)
             results = load_results(folder, runner.shared())
             on_first_rank(comm, lambda: results.write_maps(pictures))
+            on_first_rank(comm, results.write_uncertainty)
             then(results)
             return results
 

@@ -54,6 +54,8 @@ class Point:
 
     changes: Changes
     label: str | None = None
+    row: int | None = None
+    """Of the design of uncertain inputs."""
 
 
 def flat(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -144,6 +146,24 @@ def applied(content: Mapping[str, Any], changes: Changes) -> dict[str, Any]:
             place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
         place[_key(name, place, last)] = copy.deepcopy(value)
     return changed
+
+
+def value_at(content: Mapping[str, Any], name: str) -> Any:
+    """Return the value of a parameter in the content of a study file.
+
+    Raises
+    ------
+    InputError
+        If the file does not have it.
+    """
+    place: Any = content
+    for part in name.split("."):
+        if isinstance(place, list):
+            part = _key(name, place, part)
+        elif not isinstance(place, Mapping) or part not in place:
+            raise InputError(f"{name}: the file has no such value; write it there")
+        place = place[part]
+    return place
 
 
 def _key(name: str, place: Any, part: str) -> Any:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from calfsocket.plotting import loading
 from calfsocket.report import along
-from calfsocket.report.figures import geometry, maps, pressure
+from calfsocket.report.figures import geometry, maps, pressure, uncertain
 from calfsocket.report.findings import Findings
 
 
@@ -20,6 +20,7 @@ def figures(findings: Findings) -> dict[str, Callable[[], Figure]]:
     }
     return {
         **loads,
+        **(uncertain.figures(findings.uncertainty) if findings.uncertainty else {}),
         **along.figures(findings),
         "regions": partial(geometry.regions, findings),
         "overlays": partial(geometry.overlays, findings),
