@@ -141,6 +141,8 @@ def tiny_study(
 class TinyCommand:
     """The study as a command: `cli` starts MPI with it and ends it."""
 
+    solves = True
+
     @staticmethod
     def run(comm: MPI.Intracomm, arguments: argparse.Namespace) -> int:
         study = tiny_study(Path(arguments.out), **arguments.study)
