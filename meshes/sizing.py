@@ -111,7 +111,7 @@ class MeshSize:
 
         With twice as many where half were fewer than `FEWEST_TRIANGLES`. Sizes have the same shape.
         """
-        part, word = (0.5, "half") if cells >= 2 * FEWEST_TRIANGLES else (2.0, "twice")
+        part, word = _part(cells, FEWEST_TRIANGLES)
         name = f"{word} the triangles of {self.name}"
         if self.triangles is None:
             return replace(self.scaled(part**-0.5), name=name)
@@ -152,6 +152,17 @@ class AdaptiveSize:
         # Trial meshes come as close as this from either side.
         triangles = round(self.triangles / (1.0 + COUNT_TOLERANCE))
         return replace(self.first, name=self.name, triangles=triangles)
+
+    def second(self, cells: int) -> "AdaptiveSize":
+        """Return the size of a second mesh, as of `MeshSize.second`, refined by the same solution."""
+        part, word = _part(cells, FEWEST_ADAPTIVE)
+        name = f"{word} the triangles of {self.name}"
+        return replace(self, name=name, triangles=round(part * self.triangles))
+
+
+def _part(cells: int, fewest: int) -> tuple[float, str]:
+    """Return which part of its triangles a second mesh has, and the word for it."""
+    return (0.5, "half") if cells >= 2 * fewest else (2.0, "twice")
 
 
 def any_size(name: str) -> MeshSize | AdaptiveSize:

@@ -7,14 +7,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from report_text import written
 
 from calfsocket.io.errors import ConvergenceError, InputError
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.postprocess.levels import STATISTICS
 from calfsocket.postprocess.mesh_error import error_of, of_levels, of_maxima, settled, times_change
+from calfsocket.report.words import number
+from calfsocket.simulation.record import SecondMesh
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
 from calfsocket.simulation.simulation import Simulation
+from report_results import contact_on, limb, result, results_of
 from tiny_study import tiny_study
 
 TABLES = ("summary.csv", "levels.csv")
@@ -52,17 +56,19 @@ def levels_of(**rows: list[float]) -> pd.DataFrame:
     return pd.DataFrame(parts)
 
 
-def test_levels_share_the_largest_of_their_changes():
+def test_a_level_has_the_largest_change_among_itself_and_its_neighbours():
     first = levels_of(effective_stress=[4.0, 10.0], shear_stress=[2.0, 0.0])
     second = first.copy()
     second.loc[0, "below_99"] = 9.0  # by 10 %
     second.loc[1, "lower_99.9"] = -0.5  # a quarter of the rms
     errors = of_levels(first, second, 3.0)
-    for name in ("below_50", "below_99", "below_99.9"):
+    for name in ("below_95", "below_99", "below_99.9"):
         assert errors.loc[0, error_of(name)] == pytest.approx(3.0)
-    assert errors.loc[0, error_of("rms")] == errors.loc[0, error_of("upper_99")] == 0
-    assert errors.loc[1, error_of("upper_50")] == pytest.approx(1.5)
-    assert errors.loc[1, error_of("below_99")] == 0
+    for name in ("mean", "rms", "below_50", "upper_99"):
+        assert errors.loc[0, error_of(name)] == 0
+    for name in ("lower_99", "lower_99.9"):
+        assert errors.loc[1, error_of(name)] == pytest.approx(1.5)
+    assert errors.loc[1, error_of("lower_95")] == errors.loc[1, error_of("upper_99.9")] == 0
 
 
 def test_maxima_count_by_magnitude_where_a_sign_is_a_direction():
@@ -181,3 +187,43 @@ def test_two_meshes_with_as_many_elements_give_no_error(solved):
     result = Result.load(solved / "A_combined")
     with pytest.raises(InputError, match="too nearly as many"):
         replace(result, second=None).on_second_mesh(result)
+
+
+# --- in a report
+
+
+def test_a_report_has_it_behind_its_numbers_and_marks_what_has_not_settled(tmp_path):
+    """Stress changes by 1 % to a mesh of twice as many elements, pressure by 0.1 %: 4 and 0.4 %."""
+    key = ("TC", "separate")
+    fields, finer = limb(2.0), limb(2.02)
+    first = result(key, fields, contact_on(fields, 10.0))
+    second = result(key, finer, contact_on(finer, 10.01))
+    checks = second.checks.model_copy(update={"cells": 2 * first.checks.cells})
+    second = replace(second, record=second.record.model_copy(update={"checks": checks}))
+    about = SecondMesh(size="twice the triangles of coarse", cells=checks.cells)
+    record = first.record.model_copy(update={"second_mesh": about})
+    both = replace(first, record=record).on_second_mesh(second)
+    report = written(results_of({key: both}, folder=tmp_path))
+    said = report.answer
+    assert said["Contact pressure"].startswith(
+        "On average 10.0 ± 0.040 kPa, at most 10.0 ± 0.040 kPa"
+    )
+    level = both.levels().set_index(["tissue", "region", "quantity"])["below_99.9"]
+    stress = level["muscle", "", "effective_stress"]
+    error = 0.04 * stress
+    assert f"stays below {number(stress)} ± {error:#.2g}* kPa effective stress" in said["Muscle"]
+    assert "* marks what has not settled within 2 %." in said["How far to trust it"]
+    assert "solved again on a mesh of twice the triangles of coarse" in report.text
+    assert "the change itself is added. A level has" in report.text
+    table = pd.read_csv(tmp_path / "tables" / "levels.csv")
+    assert table["below_99.9_mesh_error"].max() > 0
+    assert f"{number(stress)} ± {error:#.2g}* (rms" in (tmp_path / "tables/levels.md").read_text(
+        encoding="utf-8"
+    ).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_report_without_it_does_not_speak_of_it(tmp_path):
+    fields = limb(2.0)
+    case = {("TC", "separate"): (fields, contact_on(fields, 10.0))}
+    text = written(results_of(case, folder=tmp_path)).text
+    assert "Behind ±" not in text and "second mesh" not in text

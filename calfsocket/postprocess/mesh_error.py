@@ -9,8 +9,8 @@ numbers of elements, so that
     mesh error = 3 e/(r^2 - 1)          where this mesh is the finer one,
     mesh error = e + 3 e/(r^2 - 1)      where the second is, and so has that error itself.
 
-Two meshes may agree in one level by chance. So the levels of a quantity in a tissue share the
-largest of their relative changes, and so do its mean and rms.
+Two meshes may agree in one level by chance. So a level has the largest relative change among itself
+and its neighbours, those of the shares above and below.
 """
 
 from typing import TYPE_CHECKING
@@ -83,21 +83,33 @@ def of_maxima(first: "pd.DataFrame", second: "pd.DataFrame", times: float) -> "p
 def of_levels(first: "pd.DataFrame", second: "pd.DataFrame", times: float) -> "pd.DataFrame":
     """Return levels by area with a column for the error of each, by those of a second mesh.
 
-    Levels of both ends, which may lie around 0, share their change as a share of the rms or of
-    their magnitude, whichever is larger.
+    Means and levels of both ends may lie around 0: their changes count as shares of the rms where
+    that is larger than they are.
     """
     key = ["tissue", "region", "quantity"]
     theirs = second.set_index(key).reindex(first.set_index(key).index)
     rms = first[["rms"]].to_numpy()
     errors: dict[str, NDArray[np.float64]] = {}
-    for columns, least in ((["mean", "rms"], rms), ([*BELOW], 0 * rms), ([*UPPER, *LOWER], rms)):
-        mine = first[columns].to_numpy()
+    for columns, least in (
+        (["mean"], rms),
+        (["rms"], rms),
+        (BELOW, 0.0),
+        (UPPER, rms),
+        (LOWER, rms),
+    ):
+        mine = first[[*columns]].to_numpy()
         size = np.maximum(np.abs(mine), least)
-        change = np.abs(mine - theirs[columns].to_numpy())
+        change = np.abs(mine - theirs[[*columns]].to_numpy())
         share = np.divide(change, size, out=np.zeros_like(size), where=size > 0)
-        found = times * np.maximum(share.max(axis=1, keepdims=True) * size, change)
+        found = times * np.maximum(_with_neighbours(share) * size, change)
         errors |= dict(zip(map(error_of, columns), found.T, strict=True))
     return first.assign(**{error_of(name): errors[error_of(name)] for name in STATISTICS})
+
+
+def _with_neighbours(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest of each column and those beside it."""
+    padded = np.pad(shares, ((0, 0), (1, 1)), mode="edge")
+    return np.maximum(np.maximum(padded[:, :-2], padded[:, 2:]), shares)
 
 
 def settled(value: float, error: float) -> bool:

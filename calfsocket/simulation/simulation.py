@@ -390,13 +390,14 @@ class Simulation:
             loading=self.loading,
             undersize=liner.undersize if liner else 0.0,
         )
+
     def _mesh(self, monitor: Monitor) -> SectionMesh:
         """Mesh the section (collective)."""
         size, refinement = self._refined(monitor)
         return section_mesh(self.comm, self.limb, self.socket, size, self.liner, refinement)
 
     def _refined(self, monitor: Monitor) -> tuple[MeshSize, Refinement | None]:
-        """Return the final size, and how a first solution refines it if it is adaptive (collective)."""
+        """Return the final size, and if it is adaptive what a first solution refines (collective)."""
         size = self.mesh_size
         if not isinstance(size, AdaptiveSize):
             return size, None

@@ -71,7 +71,7 @@ class StudyTable(Strict):
         "contact_pressure_max",
         "effective_stress",
     )
-    mesh_error: bool = False
+    mesh_error: Annotated[bool, Field(strict=True)] = False
 
     @field_validator("sockets", "materials", "quantities")
     @classmethod

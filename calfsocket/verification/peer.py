@@ -29,6 +29,7 @@ from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper
 from calfsocket.meshes.distributed import distribute
 from calfsocket.meshes.section import build
+from calfsocket.meshes.sizing import mesh_size
 from calfsocket.meshes.triangles import TriangleMesh
 from calfsocket.postprocess.contact_line import ContactLine, running_mean
 from calfsocket.postprocess.extract import KILOPASCAL
@@ -291,7 +292,7 @@ class Solved:
 def solve(socket: str, size: str) -> Solved:
     """Solve a case of the study, in the Separate set, with the program on one rank."""
     case, _, laws = one_case(socket, "separate", size)
-    mesh = build(case.limb, case.socket, case.mesh_size)
+    mesh = build(case.limb, case.socket, mesh_size(size))
     start = time.process_time()
     section = distribute(MPI.COMM_SELF, lambda: mesh)
     problem = limb_problem(section, laws, case.contact, case.support)
