@@ -20,7 +20,7 @@ from calfsocket.io.files import replacing
 PNG_LEVEL, WEBP_EFFORT = 2, 0
 """How hard files are packed: the most takes three times as long, and saves a tenth of the size."""
 
-MANY_COLOURS = 10_000
+MANY_COLOURS = 5000
 """Of an image for which WebP's method 1 takes six times as long as 0, and saves a fifth."""
 
 PAGE_PX = 1600

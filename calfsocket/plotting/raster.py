@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,8 +20,8 @@ _CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _PLACES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 """Local coordinates r and s of the six nodes."""
 
-_NARROW = 1e-12
-"""Of the largest edge, pixels: an edge that rises less is level, and limits no row."""
+_LEVEL = 1e-6
+"""Pixels: an edge that rises less is level."""
 
 
 def _monomials(r: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -63,16 +64,14 @@ class Raster:
         shape = (round((top - bottom) / size), pixels)
         place = (cells - (left, bottom)) / size - 0.5  # pixel centres are whole numbers
         x, y = np.moveaxis(place[:, _CORNERS].reshape(-1, 3, 2), -1, 0)
-        low = np.clip(np.ceil(y.min(axis=1)), 0, shape[0]).astype(int)
-        high = np.clip(np.floor(y.max(axis=1)), -1, shape[0] - 1).astype(int)
-        triangle, row = _ranges(low, high - low + 1)
-        begin, end = _crossings(x[triangle], y[triangle], row)
+        triangle, row, begin, end = _crossings(x, y, shape[0])
         first = np.clip(np.ceil(begin), 0, pixels).astype(int)
         count = np.clip(np.floor(end), -1, pixels - 1).astype(int) - first + 1
-        hit = count > 0
+        hit = np.flatnonzero(count > 0)
         triangle, row, first, count = (each[hit] for each in (triangle, row, first, count))
-        start, step = _local(x[triangle], y[triangle], first, row, _PLACES[_CORNERS][triangle % 4])
-        return cls(shape, row * pixels + first, count, triangle // 4, start, step)
+        origin, across, up = (each[:, triangle] for each in _local(x, y))
+        start = origin + first * across + row * up
+        return cls(shape, row * pixels + first, count, triangle // 4, start, across)
 
     def image(self, values: NDArray[np.float64]) -> np.ma.MaskedArray:
         """Return a field, at the six nodes of every cell (n_cells, 6), masked outside the cells."""
@@ -81,12 +80,20 @@ class Raster:
         constant = one + r0 * (r + r0 * rr + s0 * rs) + s0 * (s + s0 * ss)
         linear = dr * (r + 2 * r0 * rr + s0 * rs) + ds * (s + r0 * rs + 2 * s0 * ss)
         square = dr * (dr * rr + ds * rs) + ds * ds * ss
-        run, column = _ranges(np.zeros_like(self.count), self.count)
+        pixel, column = self._pixels
+        found = np.repeat(square, self.count)  # in place: pictures have millions of pixels
+        for each in (linear, constant):
+            found *= column
+            found += np.repeat(each, self.count)
         shown = np.full(self.shape, np.nan)
-        shown.ravel()[self.first[run] + column] = constant[run] + column * (
-            linear[run] + column * square[run]
-        )
+        shown.ravel()[pixel] = found
         return np.ma.masked_invalid(shown, copy=False)
+
+    @cached_property
+    def _pixels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Index of every pixel, and its place in its run."""
+        _, pixel = _ranges(self.first, self.count)
+        return pixel, pixel - np.repeat(self.first, self.count)
 
 
 def _ranges(
@@ -95,43 +102,51 @@ def _ranges(
     """Return for ranges of whole numbers, one after the other, the range of each and the number."""
     count = np.maximum(count, 0)
     of = np.repeat(np.arange(len(count)), count)
-    return of, np.arange(len(of)) + (start - np.cumsum(count) + count)[of]
+    return of, np.arange(len(of)) + np.repeat(start - np.cumsum(count) + count, count)
 
 
 def _crossings(
-    x: NDArray[np.float64], y: NDArray[np.float64], row: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where a row enters and leaves triangles, columns; corners are (n, 3)."""
-    begin: NDArray[np.float64] = np.full(len(row), np.inf)
-    end: NDArray[np.float64] = np.full(len(row), -np.inf)
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        rise = y[:, b] - y[:, a]
-        share = (row - y[:, a]) / np.where(np.abs(rise) < _NARROW, np.nan, rise)
-        met = (share >= 0) & (share <= 1)
-        at = x[:, a] + share * (x[:, b] - x[:, a])
-        begin = np.where(met, np.minimum(begin, at), begin)
-        end = np.where(met, np.maximum(end, at), end)
-    return begin, end
+    x: NDArray[np.float64], y: NDArray[np.float64], rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return triangle, row and the columns where the row enters and leaves it, of all that meet.
+
+    Corners are (n, 3). Along its height a triangle has a long edge on one side and two short ones
+    on the other.
+    """
+    order = np.argsort(y, axis=1)
+    (x0, x1, x2), (y0, y1, y2) = (np.take_along_axis(each, order, 1).T for each in (x, y))
+
+    def line(x0: Any, y0: Any, x1: Any, y1: Any) -> tuple[Any, Any]:
+        """Return column at row 0, and its change from row to row, along edges."""
+        rise = y1 - y0
+        level = rise < _LEVEL
+        change = np.where(level, 0.0, x1 - x0) / np.where(level, 1.0, rise)
+        return x0 - y0 * change, change
+
+    low = np.clip(np.ceil(y0), 0, rows).astype(int)
+    high = np.clip(np.floor(y2), -1, rows - 1).astype(int)
+    triangle, row = _ranges(low, high - low + 1)
+    at, change = line(x0, y0, x2, y2)
+    one = at[triangle] + row * change[triangle]
+    short = zip(line(x0, y0, x1, y1), line(x1, y1, x2, y2), strict=True)
+    at, change = (np.concatenate(each) for each in short)
+    edge = triangle + len(y1) * (row >= y1[triangle])
+    other = at[edge] + row * change[edge]
+    return triangle, row, np.minimum(one, other), np.maximum(one, other)
 
 
-def _local(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    column: NDArray[np.int64],
-    row: NDArray[np.int64],
-    corners: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return local coordinates at pixels of triangles, and their change along a row, (2, n) each.
+def _local(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Return local coordinates at pixel 0, and their change with column and row, (2, n) each.
 
-    `corners` are the local coordinates of the triangles' corners, (n, 3, 2).
+    Corners are (n, 3), four triangles a cell.
     """
     (x1, x2), (y1, y2) = (each[:, 1:].T - each[:, 0] for each in (x, y))
-    across, up = column - x[:, 0], row - y[:, 0]
+    corners = np.tile(_PLACES[_CORNERS], (len(x) // 4, 1, 1))
+    origin, first, second = corners.transpose(1, 2, 0)
     area = x1 * y2 - x2 * y1
-    origin, first, second = np.moveaxis(corners, 1, 0)
-    first, second = (first - origin).T, (second - origin).T
-    start = origin.T + ((across * y2 - x2 * up) * first + (x1 * up - across * y1) * second) / area
-    return start, (y2 * first - y1 * second) / area
+    across = (y2 * (first - origin) - y1 * (second - origin)) / area
+    up = (x1 * (second - origin) - x2 * (first - origin)) / area
+    return origin - x[:, 0] * across - y[:, 0] * up, across, up
 
 
 class FieldImage(Artist):

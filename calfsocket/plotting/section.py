@@ -38,6 +38,8 @@ BONE = "#d9d9d9"
 SOCKET = "#555555"
 OUTLINE = "#1a1a1a"
 QUIET = "#333333"
+STRAIGHT = 0.02
+"""Distance of a node from a straight line that leaves it out, pixels or, in a PDF, points."""
 
 
 def _edges(cells: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -56,7 +58,11 @@ def _control(points: NDArray[np.float64], edges: NDArray[np.int64]) -> NDArray[n
 def outlines(
     cells: NDArray[np.int64], region: NDArray[np.int64], points: NDArray[np.float64]
 ) -> Path:
-    """Return the edges at which the region of some cells ends, each once: curves of one path."""
+    """Return the edges at which the region of some cells ends, each once.
+
+    They are straight from node to node, as those of the pixels of a field are (`Raster`): there are
+    thousands, and curves would take twice the time and the bytes.
+    """
     edges = _edges(cells)
     place, middle = np.arange(len(edges)), edges[:, 2]
     first = np.full(len(points), -1)
@@ -64,9 +70,11 @@ def outlines(
     last[middle], first[middle[::-1]] = place, place[::-1]  # what is assigned last stays
     a, b = first[first >= 0], last[last >= 0]
     shown = edges[a[(a == b) | (region[a // 3] != region[b // 3])]]
-    vertices = np.stack([points[shown[:, 0]], _control(points, shown), points[shown[:, 1]]], axis=1)
-    codes = np.tile(np.array([Path.MOVETO, Path.CURVE3, Path.CURVE3], np.uint8), len(shown))
-    return Path(vertices.reshape(-1, 2), codes)
+    vertices = points[shown[:, [0, 2, 1]]].reshape(-1, 2)
+    codes = np.tile(np.array([Path.MOVETO, Path.LINETO, Path.LINETO], np.uint8), len(shown))
+    path = Path(vertices, codes)
+    path.simplify_threshold = STRAIGHT
+    return path
 
 
 def boundary(cells: NDArray[np.int64], points: NDArray[np.float64]) -> Path:
