@@ -24,6 +24,10 @@ MOST_CONSTANTS = 8
 FIRST, SMALLEST, LARGEST = 0.1, 1e-5, 0.2
 """Increments of donning as shares of the step; they may be cut back to the smallest."""
 
+SMALL, SMALL_AFTER = 0.02, 0.05
+"""The first and the largest of them in CalculiX where the socket floats: with larger ones its stiff
+friction did not converge (TSB Combined)."""
+
 MOST_INCREMENTS = 1000
 
 TERMLESS = 1e9
@@ -33,8 +37,8 @@ would be replaced."""
 MOST_TERMS = {"abaqus": 6, "calculix": 3}
 """Terms of Ogden's law."""
 
-NORMAL_STIFFNESS = 1e3
-"""Penalty of CalculiX's contact, MPa/mm: at a pressure of 10 kPa the overlap is 1e-5 mm."""
+NORMAL_STIFFNESS = 100.0
+"""Penalty of CalculiX's contact, MPa/mm: at a pressure of 10 kPa the overlap is 1e-4 mm."""
 
 STICK_SLOPE = 10.0
 """Tangential penalty of CalculiX's friction, MPa/mm. A soft one loses shear: with 0.1 MPa/mm a
@@ -363,18 +367,25 @@ class _Writer:
     def _donning(self) -> Iterator[str]:
         if self._is_widened:
             yield from self._widening()
-            yield from self._step("donning", (FIRST, SMALLEST, LARGEST))
+            yield from self._step("donning", self._increments)
             yield "*MODEL CHANGE, TYPE=CONTACT PAIR, ADD"
             yield PAIR
             yield from self._outer_face(0.0)
         else:
-            yield from self._step("donning", (FIRST, SMALLEST, LARGEST))
+            yield from self._step("donning", self._increments)
             if self._is_abaqus:
                 yield "*CONTACT INTERFERENCE, SHRINK"
                 yield PAIR
         yield from self._temperature()
         yield from self._output()
         yield "*END STEP"
+
+    @property
+    def _increments(self) -> tuple[float, float, float]:
+        """First, smallest and largest increment of donning."""
+        if self._is_abaqus or self.case.is_fixed:
+            return FIRST, SMALLEST, LARGEST
+        return SMALL, SMALLEST, SMALL_AFTER
 
     def _widening(self) -> Iterator[str]:
         """Make the socket wide, by a temperature, before it meets the limb."""
