@@ -154,7 +154,7 @@ class AdaptiveSize:
         return replace(self.first, name=self.name, triangles=triangles)
 
     def second(self, cells: int) -> "AdaptiveSize":
-        """Return the size of a second mesh, as of `MeshSize.second`, refined by the same solution."""
+        """Return the size of a second mesh, as of `MeshSize.second`."""
         part, word = _part(cells, FEWEST_ADAPTIVE)
         name = f"{word} the triangles of {self.name}"
         return replace(self, name=name, triangles=round(part * self.triangles))

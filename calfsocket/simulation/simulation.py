@@ -397,7 +397,7 @@ class Simulation:
         return section_mesh(self.comm, self.limb, self.socket, size, self.liner, refinement)
 
     def _refined(self, monitor: Monitor) -> tuple[MeshSize, Refinement | None]:
-        """Return the final size, and if it is adaptive what a first solution refines (collective)."""
+        """Return the final size and, if it is adaptive, its refinement (collective)."""
         size = self.mesh_size
         if not isinstance(size, AdaptiveSize):
             return size, None

@@ -16,7 +16,7 @@ from calfsocket.meshes.levels import Level, LimbLevels, Place, sections
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining
 from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.sizing import MeshSize
+from calfsocket.meshes.sizing import AdaptiveSize, MeshSize
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
@@ -89,7 +89,7 @@ class Case:
         return self.simulation().geometry
 
     def simulation(
-        self, comm: "MPI.Intracomm | None" = None, mesh_size: MeshSize | None = None
+        self, comm: "MPI.Intracomm | None" = None, mesh_size: MeshSize | AdaptiveSize | None = None
     ) -> "Simulation":
         """Return the simulation of the case on a communicator; of its own mesh size by default."""
         from calfsocket.simulation.simulation import Simulation
