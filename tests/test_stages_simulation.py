@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from mpi4py import MPI
 
+from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.mechanics.carrier import Control
 from calfsocket.mechanics.limb_problem import limb_problem
@@ -130,6 +131,16 @@ def test_a_state_beyond_the_limit_is_stable_by_its_way_alone(carried):
     assert newton.negative_modes() == 1
     stages.carrier.control = Control.of(~held, np.zeros(3), stages.points[-1].place)
     assert newton.negative_modes() == 0
+
+
+@pytest.mark.slow
+def test_a_socket_with_a_soft_liner_turns_round_at_a_limit():
+    """Of 1 mm of gel: points went to and fro over its kinks, and the stage failed on its way."""
+    liner = Liner(thickness=1.0, law="gel", bonded="socket")
+    found = simulation(liner=liner, loading=Loading(stages=(OVER,))).solve()
+    assert found.states["over"].record.state.limit.startswith("limit reached at moment ")
+    last = found.curve.iloc[-1]
+    assert last.slipping_percent > 99.0 and 0.0 < last.moment_N_mm_per_mm < 30.0
 
 
 def test_a_frame_is_stiffer_than_an_even_load():
