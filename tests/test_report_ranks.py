@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from calfsocket.io.errors import InputError
 from calfsocket.parallel.tasks import side_by_side
+from calfsocket.simulation import results
 from calfsocket.simulation.results import load_results
 from calfsocket.study import runner
 from calfsocket.study.runner import Runner
@@ -85,6 +86,32 @@ def test_what_is_solved_is_handed_on_while_there_is_room(tmp_path, monkeypatch):
     assert study.shared() is study.solved
     study.keep(made[ONE[0]])
     assert study.solved == second
+
+
+class Second(Two):
+    """As `Two`, where results are read."""
+
+    rank, size = 1, 2
+
+    def allgather(self, mine):
+        return [None, None] if mine is None else super().allgather(mine)
+
+    def allreduce(self, mine):
+        return 2 * mine
+
+
+def test_each_case_is_read_by_one_rank_while_there_is_room(tmp_path, monkeypatch):
+    made = {key: result(key, *case) for key, case in limb_study(ONE).items()}
+    folder = write_results(tmp_path / "two", made)
+    first = {ONE[0]: made[ONE[0]]}
+    shared = load_results(folder).shared(Second(first))
+    assert shared[ONE[0]] is made[ONE[0]]
+    assert "quantities" in shared[ONE[1]].__dict__
+
+    cells = len(made[ONE[0]].fields.cells)
+    monkeypatch.setattr(results, "SHARED_CELLS", 2 * cells - 1)
+    alone = load_results(folder).shared(Second(first))
+    assert alone[ONE[0]] is not made[ONE[0]] and alone[ONE[1]].fields.cells.shape[0] == cells
 
 
 def test_a_case_that_has_stopped_is_not_handed_on(tmp_path):

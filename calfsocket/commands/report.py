@@ -35,7 +35,7 @@ def report(comm: Comm, arguments: Namespace) -> None:
     from calfsocket.simulation.results import load_results
 
     thresholds = DamageThresholds(arguments.muscle_shear, arguments.fascia_strain)
-    page = write(comm, load_results(arguments.folder), thresholds)
+    page = write(comm, load_results(arguments.folder).shared(comm), thresholds)
     if comm.rank == 0:
         print(page)
 

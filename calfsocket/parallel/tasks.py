@@ -11,8 +11,14 @@ from calfsocket.parallel.scheduler import Scheduler
 Value = TypeVar("Value")
 
 
-def side_by_side(comm: MPI.Intracomm, tasks: Sequence[Callable[[], Value]]) -> list[Value]:
+def side_by_side(
+    comm: MPI.Intracomm,
+    tasks: Sequence[Callable[[], Value]],
+    first: Callable[[], object] = lambda: None,
+) -> list[Value]:
     """Run tasks; return their values in order on rank 0, nothing on others (collective).
+
+    `first` is work of rank 0 alone: it does that while others begin with the tasks.
 
     Raises
     ------
@@ -25,6 +31,11 @@ def side_by_side(comm: MPI.Intracomm, tasks: Sequence[Callable[[], Value]]) -> l
     scheduler = Scheduler(comm, one_family, 1, lambda _: None)
     done: dict[int, Value] = {}
     failure: Exception | None = None
+    try:
+        if comm.rank == 0:
+            first()
+    except Exception as error:
+        failure = error
     while (number := scheduler.next_case()) is not None:
         try:
             done[number] = tasks[number]()

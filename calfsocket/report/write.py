@@ -97,14 +97,21 @@ def write_report(
     guest = invite(findings) or Guest()
     gc.freeze()  # what is there is no garbage: to look at it again and again takes a sixth longer
     try:
-        drawn = _draw({**figures(findings), **guest.figures}, comm)
+        drawn = _draw({**figures(findings), **guest.figures}, comm, lambda: _ahead(guest))
         return on_first_rank(comm, lambda: _write(findings, guest, drawn))
     finally:
         gc.unfreeze()
 
 
-def _draw(figures: Mapping[str, Draw], comm: MPI.Intracomm) -> dict[str, Drawing]:
-    """Draw figures on all ranks; return them by their names on the first."""
+def _ahead(guest: Guest) -> tuple[object, ...]:
+    """Compute what the page shows of a guest, which keeps it."""
+    return guest.tables, guest.values
+
+
+def _draw(
+    figures: Mapping[str, Draw], comm: MPI.Intracomm, first: Callable[[], object]
+) -> dict[str, Drawing]:
+    """Draw figures on all ranks; return them by their names on the first, which has other work."""
 
     def drawn(names: Sequence[str]) -> dict[str, Drawing]:
         with type_set():
@@ -112,7 +119,7 @@ def _draw(figures: Mapping[str, Draw], comm: MPI.Intracomm) -> dict[str, Drawing
 
     alone = [[name] for name in figures if name not in maps.MAPS]
     groups = [[name for name in maps.MAPS if name in figures], *alone]
-    parts = side_by_side(comm, [partial(drawn, names) for names in groups])
+    parts = side_by_side(comm, [partial(drawn, names) for names in groups], first)
     return {name: drawing for part in parts for name, drawing in part.items()}
 
 

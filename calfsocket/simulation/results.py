@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -12,6 +12,7 @@ from calfsocket.io.files import replacing
 from calfsocket.io.schema import nearest, read_json
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.mechanics.loading import DONNED
+from calfsocket.parallel.first_rank import agree
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
 from calfsocket.postprocess.levels import LEVEL_COLUMNS
 from calfsocket.postprocess.pressure_map import PressureMap
@@ -21,9 +22,14 @@ from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord,
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
 from calfsocket.simulation.uncertain import Design, Uncertain, evaluate, numbers, read_design
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 SUMMARY_FILE = "summary.csv"
 LEVELS_FILE = "levels.csv"
 WORST_FILE = "worst_levels.csv"
+SHARED_CELLS = 200_000
+"""Most cells of results that ranks hand to each other, some 0.2 GB on each."""
 MAPS = "pressure_maps"
 """Folder of the maps of a limb of many levels."""
 Key = tuple[str, str]
@@ -218,6 +224,39 @@ class Results(Mapping[Key, Result]):
     def write_uncertainty(self) -> list[Path]:
         """Write the tables of `uncertainty`, if there is any; return their paths."""
         return self.uncertainty.write(self.folder) if self.uncertainty else []
+
+    def shared(self, comm: "MPI.Intracomm") -> "Results":
+        """Return these results, each read by one rank for all (collective).
+
+        Where they have more cells than `SHARED_CELLS`, each rank reads what it needs.
+
+        Raises
+        ------
+        InputError
+            On all ranks, where one cannot read a file.
+        """
+        mine: dict[Key, Result] = {}
+        failure: Exception | None = None
+        cells = 0
+        for key in [*self][comm.rank :: comm.size] if comm.size > 1 else ():
+            try:
+                mine[key] = self[key]
+                mine[key].summary()  # and what it is made of, which the result keeps
+            except Exception as error:
+                failure = error
+                break
+            cells += len(mine[key].fields.cells) * (1 + len(mine[key].states))
+            if cells > SHARED_CELLS:
+                break
+        agree(comm, failure)
+        if comm.allreduce(cells) <= SHARED_CELLS:
+            mine = {key: each for part in comm.allgather(mine) for key, each in part.items()}
+        known = {each.record.key: each for each in mine.values()}
+
+        def read(record: CaseRecord) -> Result:
+            return known[record.key] if record.key in known else self._read(record)
+
+        return Results(self.folder, self.run, self._records, read)
 
     def only(self, keys: Iterable[Key]) -> "Results":
         """Return the results of some cases."""
