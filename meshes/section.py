@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.system import gmsh
-from calfsocket.meshes import gmsh_model, sizing, tags
+from calfsocket.meshes import gmsh_model, sizing, store, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.limb import Limb, limb_curves
@@ -33,17 +33,25 @@ def section_mesh(
     size: MeshSize,
     liner: Lining | None = None,
     refinement: Refinement | None = None,
+    again: bool = True,
 ) -> SectionMesh:
     """Mesh a limb, a liner and a socket on rank 0 of `comm` and distribute it over its ranks.
 
-    With a refinement, `size` has its number of triangles.
+    With a refinement, `size` has its number of triangles. Unless it is to be made `again`, a mesh
+    without one that was made before is taken from the user's cache.
 
     Raises
     ------
     InputError
         On every rank, when the data cannot be meshed.
     """
-    return distribute(comm, lambda: build(limb, socket, size, liner, refinement))
+
+    def make() -> TriangleMesh:
+        return build(limb, socket, size, liner, refinement)
+
+    if again or refinement:
+        return distribute(comm, make)
+    return distribute(comm, lambda: store.stored(store.name_of(limb, socket, size, liner), make))
 
 
 def build(

@@ -394,7 +394,9 @@ class Simulation:
     def _mesh(self, monitor: Monitor) -> SectionMesh:
         """Mesh the section (collective)."""
         size, refinement = self._refined(monitor)
-        return section_mesh(self.comm, self.limb, self.socket, size, self.liner, refinement)
+        return section_mesh(
+            self.comm, self.limb, self.socket, size, self.liner, refinement, again=False
+        )
 
     def _refined(self, monitor: Monitor) -> tuple[MeshSize, Refinement | None]:
         """Return the final size and, if it is adaptive, its refinement (collective)."""
