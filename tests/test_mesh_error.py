@@ -18,6 +18,7 @@ from calfsocket.simulation.record import SecondMesh
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
 from calfsocket.simulation.simulation import Simulation
+from calfsocket.study.document import Document
 from report_results import contact_on, limb, result, results_of
 from tiny_study import tiny_study
 
@@ -181,6 +182,30 @@ def test_a_second_mesh_that_fails_is_said_and_tried_again(solved, tmp_path, monk
     assert "mesh_error" not in pd.read_csv(out / "summary.csv")
     assert load_results(out)["A", "combined"].second is None
     assert study.run(resume=True) and same(out, solved)
+
+
+def test_states_of_loads_have_it_as_well(tmp_path):
+    load = {"name": "turned", "moment": "1 N mm/mm", "steps": 2}
+    study = tiny_study(tmp_path, ("A",), mesh_error=True)
+    tables = {"study": {"mesh_error": True}, "model": {"size": "coarse"}, "loads": [load]}
+    document = Document.model_validate(tables)
+    case = replace(study.plan.cases[0], document=document)
+    study = replace(study, plan=replace(study.plan, document=document, cases=(case,)))
+    assert study.run()
+    summary = pd.read_csv(tmp_path / "summary.csv")
+    errors = summary[summary["quantity"] == "effective_stress"].groupby("state").mesh_error.min()
+    assert sorted(errors.index) == ["donned", "turned"] and errors.min() > 0
+    (result,) = load_results(tmp_path).values()
+    state = result.states["turned"]
+    assert state.second.record.state.stage == "turned" and not state.second.states
+    assert "mesh_error" in load_results(tmp_path).states
+
+
+def test_two_ranks_that_solve_a_case_together_give_the_same(solved, tmp_path, mpirun):
+    how = {"out": "two", "study": {"sockets": ["A"], "mesh_error": True}, "ranks_per_case": 2}
+    mpirun(2, [Path(__file__).with_name("tiny_study.py"), json.dumps(how)])
+    two, one = (pd.read_csv(folder / "summary.csv") for folder in (tmp_path / "two", solved))
+    np.testing.assert_allclose(two.mesh_error, one.mesh_error, atol=1e-6 * one.value.abs().max())
 
 
 def test_two_meshes_with_as_many_elements_give_no_error(solved):

@@ -90,15 +90,9 @@ def of_levels(first: "pd.DataFrame", second: "pd.DataFrame", times: float) -> "p
     theirs = second.set_index(key).reindex(first.set_index(key).index)
     rms = first[["rms"]].to_numpy()
     errors: dict[str, NDArray[np.float64]] = {}
-    for columns, least in (
-        (["mean"], rms),
-        (["rms"], rms),
-        (BELOW, 0.0),
-        (UPPER, rms),
-        (LOWER, rms),
-    ):
+    for columns in (["mean"], ["rms"], BELOW, UPPER, LOWER):
         mine = first[[*columns]].to_numpy()
-        size = np.maximum(np.abs(mine), least)
+        size = np.abs(mine) if columns is BELOW else np.maximum(np.abs(mine), rms)
         change = np.abs(mine - theirs[[*columns]].to_numpy())
         share = np.divide(change, size, out=np.zeros_like(size), where=size > 0)
         found = times * np.maximum(_with_neighbours(share) * size, change)
