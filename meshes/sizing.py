@@ -191,10 +191,20 @@ def mesh_size(name: str) -> MeshSize:
     InputError
         As of `any_size`, and for a mesh that a solution refines.
     """
-    size = any_size(name)
+    return unrefined(any_size(name))
+
+
+def unrefined(size: MeshSize | AdaptiveSize) -> MeshSize:
+    """Return a size where a mesh is made without a solution.
+
+    Raises
+    ------
+    InputError
+        For a mesh that a solution refines.
+    """
     if isinstance(size, AdaptiveSize):
         raise InputError(
-            f"size: a mesh of size '{name}' is refined by a solution, which there is none of here; "
+            f"size: a mesh of size '{size.name}' is refined by a solution, and there is none here; "
             f"give {', '.join(SIZES)} or a number of triangles"
         )
     return size
