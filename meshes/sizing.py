@@ -153,9 +153,9 @@ class AdaptiveSize:
         triangles = round(self.triangles / (1.0 + COUNT_TOLERANCE))
         return replace(self.first, name=self.name, triangles=triangles)
 
-    def second(self, cells: int) -> "AdaptiveSize":
-        """Return the size of a second mesh, as of `MeshSize.second`."""
-        part, word = _part(cells, FEWEST_ADAPTIVE)
+    def second(self, _: int) -> "AdaptiveSize":
+        """Return the size of a second mesh, with half or twice as many triangles, refined anew."""
+        part, word = _part(self.triangles, FEWEST_ADAPTIVE)
         name = f"{word} the triangles of {self.name}"
         return replace(self, name=name, triangles=round(part * self.triangles))
 
@@ -199,10 +199,20 @@ def mesh_size(name: str) -> MeshSize:
     InputError
         As of `any_size`, and for a mesh that a solution refines.
     """
-    size = any_size(name)
+    return unrefined(any_size(name))
+
+
+def unrefined(size: MeshSize | AdaptiveSize) -> MeshSize:
+    """Return a size where a mesh is made without a solution.
+
+    Raises
+    ------
+    InputError
+        For a mesh that a solution refines.
+    """
     if isinstance(size, AdaptiveSize):
         raise InputError(
-            f"size: a mesh of size '{name}' is refined by a solution, which there is none of here; "
+            f"size: a mesh of size '{size.name}' is refined by a solution, and there is none here; "
             f"give {', '.join(SIZES)} or a number of triangles"
         )
     return size

@@ -83,6 +83,12 @@ def test_too_few_triangles_are_refused():
         any_size(f"adaptive-{few}")
 
 
+def test_a_second_mesh_has_half_or_twice_as_many():
+    half = any_size("adaptive").second(0)
+    assert (half.triangles, half.name) == (30_000, "half the triangles of adaptive")
+    assert any_size("adaptive-30000").second(0).triangles == 60_000
+
+
 def test_a_mesh_alone_cannot_be_refined():
     with pytest.raises(InputError, match=r"refined by a solution.*give coarse, medium, paper or a"):
         mesh_size("adaptive")
