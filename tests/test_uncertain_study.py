@@ -206,6 +206,7 @@ def test_the_shipped_study_can_be_run():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_200_direct_cases_have_the_band_that_40_predict(given):
     """What the chaos of one design says of 200 cases that are drawn at random and solved."""
     inputs = """
