@@ -14,7 +14,7 @@ from calfsocket.report.table import Table
 from calfsocket.report.words import number
 from calfsocket.simulation.record import KEY
 from calfsocket.simulation.results import Results
-from calfsocket.simulation.uncertain import AROUND, PRESSURE_FILE, Design, Uncertain
+from calfsocket.simulation.uncertain import AROUND, Design, Uncertain
 from calfsocket.uncertainty.chaos import TRUSTED
 
 MOST_NAMED = 3
@@ -74,8 +74,14 @@ class Uncertainty:
 
     @property
     def failed(self) -> list[str]:
-        """Names of the others."""
-        return [r.name for group in self.design.groups for r in group.records if not r.solved]
+        """Names of those that failed."""
+        records = [record for group in self.design.groups for record in group.records]
+        return [record.name for record in records if record.status == "failed"]
+
+    @property
+    def unfinished(self) -> int:
+        """Number of those that were not begun, or not ended."""
+        return self.drawn - self.solved - len(self.failed)
 
     @property
     def failures(self) -> list[str]:
@@ -90,11 +96,15 @@ class Uncertainty:
     @property
     def warnings(self) -> list[str]:
         """What a reader must know of the cases of the design, a line for each kind."""
-        found = [f"{len(self.failed)} of {self.drawn} cases of the design were not solved"]
+        found = []
+        if self.unfinished:
+            found.append(f"{self.unfinished} of {self.drawn} cases of the design are not finished")
+        if self.failed:
+            found.append(f"{len(self.failed)} of {self.drawn} cases of the design failed")
         texts = (text for group in self.design.groups for r in group.records for text in r.warnings)
         counts = Counter(text.partition(":")[0].partition(" of ")[0] for text in texts)
         kinds = [f"{n} of {self.drawn} cases of the design: {text}" for text, n in counts.items()]
-        return [*(found if self.failed else []), *kinds]
+        return [*found, *kinds]
 
     # --- its numbers
 
@@ -171,7 +181,6 @@ class Uncertainty:
         shares = self.found.shares
         most = shares[(shares.quantity == AROUND) & (shares["rank"] == 1)]
         return {
-            "file": PRESSURE_FILE,
             "q2": number(rows.q2.min()),
             "trusted": bool(rows.trusted.all()),
             "most": [f"{self.titles[each.input]} {_share(each)}" for each in most.itertuples()],

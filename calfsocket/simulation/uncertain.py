@@ -33,6 +33,9 @@ AROUND = "contact_pressure_around"
 ANGLES_DEG = np.arange(0.0, 360.0, 2.0)
 """Where the band of contact pressure has its points."""
 
+SHARED = "share"
+"""Word in the names of shares of a tissue or of the skin, in %."""
+
 NUMBER = (*KEY, "tissue", "quantity")
 TABLE_COLUMNS = (
     *NUMBER,
@@ -47,7 +50,8 @@ TABLE_COLUMNS = (
     "mean_of_cases",
     "sd_of_cases",
     "cases",
-    "not_solved",
+    "failed",
+    "unfinished",
     "failures",
 )
 SHARES_COLUMNS = (*NUMBER, "input", "first", "total", "rank", "correlated")
@@ -99,14 +103,19 @@ class Group:
         return np.array([record.solved for record in self.records])
 
     @property
+    def failed(self) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+        """Whether each case failed; one that was not begun, or not ended, did not."""
+        return np.array([record.status == "failed" for record in self.records])
+
+    @property
     def failures(self) -> str:
         """Whether cases failed by chance, in words; empty where none failed."""
-        names, failed = self.joint.names, ~self.solved
+        ended = self.solved | self.failed
+        failed = self.failed[ended]
         if not failed.any():
             return ""
-        if failed.all():
-            return "all cases failed"
-        found = pattern(names, self.values, failed)
+        names = self.joint.names
+        found = pattern(names, self.values[ended], failed)
         if found.inputs:
             where = ", ".join(f"{size} {name}" for name, size in found.inputs.items())
             return f"not random: more often with {where}"
@@ -275,7 +284,8 @@ class _Evaluation:
         n, values = int(known.sum()), outputs[known]
         counts = {
             "cases": n,
-            "not_solved": int((~self._solved).sum()),
+            "failed": int(self._group.failed.sum()),
+            "unfinished": int((~self._solved & ~self._group.failed).sum()),
             "failures": self._group.failures,
         }
         cases = {"mean_of_cases": values.mean() if n else np.nan, "sd_of_cases": values.std()}
@@ -283,7 +293,8 @@ class _Evaluation:
             empty = dict.fromkeys(("mean", "sd", "low", "high", "q2"), np.nan)
             return {**empty, "trusted": False, **cases, **counts}
         chaos = fit(self._basis, self._values, values)
-        low, high = np.maximum(np.quantile(chaos.sample, BAND), 0.0)  # it is a magnitude
+        most = 100.0 if SHARED in name[1] else np.inf
+        low, high = np.clip(np.quantile(chaos.sample, BAND), 0.0, most)  # it is a magnitude
         self._add(name, self._explained(chaos))
         return {
             "mean": chaos.mean, "sd": chaos.sd, "low": low, "high": high, "q2": chaos.q2,

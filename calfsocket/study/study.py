@@ -244,9 +244,17 @@ class Study:
             runner.run(resume)
             results = load_results(folder, runner.shared())
             on_first_rank(comm, lambda: results.write_maps(pictures))
-            on_first_rank(comm, results.write_uncertainty)
+            on_first_rank(comm, lambda: _evaluate(results))
             then(results)
             return results
+
+
+def _evaluate(results: "Results") -> None:
+    """Write what uncertain inputs do; a failure may not fail what is solved."""
+    from calfsocket.study.runner import logged
+
+    with logged("the bands of the uncertain inputs could not be computed"):
+        results.write_uncertainty()
 
 
 def variants() -> dict[str, dict[str, Any]]:

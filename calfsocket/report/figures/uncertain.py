@@ -34,7 +34,12 @@ def figures(uncertain: Uncertainty) -> dict[str, Callable[[], Figure]]:
             + ("" if row.trusted else f" {DOUBT}")
             for row in uncertain.headlines.itertuples()
         }
-        made["shares"] = partial(shares, found.shares, labels, uncertain.titles, NO_SHARE)
+        explained = dict(
+            zip(labels, uncertain.headlines.q2.fillna(0.0).clip(lower=0.0), strict=True)
+        )
+        value = (found.shares["first"] + found.shares["total"]) / 2
+        table = found.shares.assign(share=value)
+        made["shares"] = partial(shares, table, labels, uncertain.titles, explained)
     return made
 
 
@@ -70,19 +75,21 @@ def pressure_band(table: pd.DataFrame, frame: Frame) -> Figure:
 
 
 def shares(
-    table: pd.DataFrame, labels: Mapping[Name, str], titles: Mapping[str, str], least: float
+    table: pd.DataFrame,
+    labels: Mapping[Name, str],
+    titles: Mapping[str, str],
+    explained: Mapping[Name, float],
 ) -> Figure:
-    """Draw what inputs explain of each number as bars, by the mean of both shares.
+    """Draw the column `share` of inputs as bars, each bar as long as what all of them explain.
 
-    Inputs whose share is below `least` everywhere are left out.
+    Inputs whose share is below `NO_SHARE` everywhere are left out.
     """
-    value = (table["first"] + table["total"]) / 2
-    table = table.assign(share=value)
     wide = table.pivot_table(
         index=[*KEY, "tissue", "quantity"], columns="input", values="share", sort=False
     )
     wide = wide.loc[[name for name in labels if name in wide.index]]
-    wide = wide[[name for name in titles if name in wide and wide[name].max() > least]]
+    wide = wide[[name for name in titles if name in wide and wide[name].max() > NO_SHARE]]
+    length = np.array([100 * explained[name] for name in wide.index])
     height = ROW_MM * len(wide) + FOOT_MM
     figure = new_figure(height)
     axes = figure.add_axes(
@@ -93,7 +100,7 @@ def shares(
     left = np.zeros(len(wide))
     colours = _colours(len(wide.columns))
     for colour, name in zip(colours, wide.columns, strict=True):
-        width = 100 * wide[name].fillna(0.0).to_numpy()
+        width = length * wide[name].fillna(0.0).to_numpy()
         axes.barh(places, width, left=left, height=0.72, color=colour, label=_plain(titles[name]))
         left += width
     axes.set_yticks(places, [labels[name] for name in wide.index])
