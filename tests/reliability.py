@@ -31,6 +31,7 @@ SUBJECTS = (
     "test_bad_sections",
     "test_bad_levels",
     "test_bad_data",
+    "test_bad_export",
     "test_faults",
     "test_mpi_faults",
 )

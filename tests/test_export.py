@@ -369,23 +369,6 @@ def test_command_writes_a_case_and_says_what_differs(tmp_path, capsys):
     decks.read(out.read_text(), "calculix")
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["--format", "abaqus"], "has 2 cases; choose one with --case, e.g. --case TSB_combined"),
-        (["--case", "TBS_combined", "--format", "abaqus"], "did you mean 'TSB_combined'?"),
-        (["--case", "TSB_combined", "--format", "ansys"], "invalid choice: 'ansys'"),
-    ],
-)
-def test_command_refuses_in_one_line(tmp_path, capsys, words, line):
-    study, out = tmp_path / "study.toml", tmp_path / "a.inp"
-    study.write_text(STUDY)
-    assert run("export", study, *words, "--out", out) == 2
-    shown = capsys.readouterr().err
-    assert line in shown and shown.count("\n") == 1
-    assert not out.exists()
-
-
 def test_formats_of_the_command_are_those_there_are(simulation):
     from calfsocket.commands.export import FORMATS
     from calfsocket.export.write import FORMATS as THERE
