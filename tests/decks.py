@@ -53,7 +53,7 @@ KEYWORDS = {
         takes={"OGDEN": None, "YEOH": None, "N": ("1", "2", "3", "4", "5", "6")}, data=(1, 2)
     ),
     "ELASTIC": Keyword(data=(1, 1)),
-    "EXPANSION": Keyword(needs=("ZERO",), takes={"TYPE": ("ORTHO",), "ZERO": ("0.",)}),
+    "EXPANSION": Keyword(needs=("ZERO",), takes={"ZERO": ("0.",)}),
     "SOLID SECTION": Keyword(
         needs=("ELSET", "MATERIAL"), takes={"ELSET": (), "MATERIAL": ()}, data=(1, 1)
     ),
@@ -299,7 +299,7 @@ def _take(deck: Deck, block: Block, program: str) -> None:
 def _check_constants(block: Block, program: str) -> None:
     values = _numbers(block)
     if block.keyword == "EXPANSION":
-        _need(all(len(line) in (2, 4) for line in block.data), "*EXPANSION: wrong constants")
+        _need(all(len(line) == 2 for line in block.data), "*EXPANSION: wrong constants")
         return
     if block.keyword == "ELASTIC":
         _need(len(values) == 2 and values[0] > 0 and -1 < values[1] <= 0.5, "*ELASTIC: wrong")

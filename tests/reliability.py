@@ -32,6 +32,7 @@ SUBJECTS = (
     "test_bad_levels",
     "test_bad_uncertainty",
     "test_bad_data",
+    "test_bad_export",
     "test_faults",
     "test_mpi_faults",
 )

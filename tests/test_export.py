@@ -279,6 +279,25 @@ def test_socket_is_clear_of_the_limb_when_it_has_swollen(plain):
     assert plain.swelling == pytest.approx(problem.contact.swelling, rel=0.01)
 
 
+def test_socket_is_wide_at_the_first_temperature_and_itself_at_the_next(cases):
+    """Held along the limb, an elastic wall grows in the plane by 1 + nu times its free strain."""
+    case = cases["held, expanded"]
+    deck = decks.read(keywords.deck(case, keywords.ABAQUS)[0], "abaqus")
+    (table,) = (b for b in deck.materials["SOCKET"] if b.keyword == "EXPANSION")
+    (wide, at), (back, then) = np.array(table.data, dtype=float)
+    assert (at, then, back) == (1.0, 2.0, 0.0)
+    assert wide * (1 + case.laws[tags.SOCKET].nu) == pytest.approx(case.swelling)
+    # Its outer face is moved with it, and back.
+    moves = [block.data for block in deck.of("BOUNDARY")[1:]]
+    x = case.mesh.points[case.nodes(tags.SOCKET_OUTER)] - case.inner_middle
+    there, home = (np.array([float(line[-1]) for line in data]).reshape(-1, 2) for data in moves)
+    assert there == pytest.approx(case.swelling * x, abs=1e-9)
+    assert not home.any()
+    assert [b.parameters for b in deck.of("MODEL CHANGE")] == [
+        {"TYPE": "CONTACT PAIR", "REMOVE": None}, {"TYPE": "CONTACT PAIR", "ADD": None}
+    ]  # fmt: skip
+
+
 def test_stages_become_steps(cases):
     steps = cases["loaded"].steps
     assert [s.name for s in steps] == ["push", "turn-1", "turn-2", "turn-3", "shrink"]
@@ -367,23 +386,6 @@ def test_command_writes_a_case_and_says_what_differs(tmp_path, capsys):
     shown = capsys.readouterr().out
     assert str(out) in shown and "vessel: Hencky's law is Ogden's" in shown
     decks.read(out.read_text(), "calculix")
-
-
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["--format", "abaqus"], "has 2 cases; choose one with --case, e.g. --case TSB_combined"),
-        (["--case", "TBS_combined", "--format", "abaqus"], "did you mean 'TSB_combined'?"),
-        (["--case", "TSB_combined", "--format", "ansys"], "invalid choice: 'ansys'"),
-    ],
-)
-def test_command_refuses_in_one_line(tmp_path, capsys, words, line):
-    study, out = tmp_path / "study.toml", tmp_path / "a.inp"
-    study.write_text(STUDY)
-    assert run("export", study, *words, "--out", out) == 2
-    shown = capsys.readouterr().err
-    assert line in shown and shown.count("\n") == 1
-    assert not out.exists()
 
 
 def test_formats_of_the_command_are_those_there_are(simulation):

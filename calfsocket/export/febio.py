@@ -35,7 +35,8 @@ MOST_RETRIES = 10
 ABAQUS_PRESSURE = "Abaqus"
 """Name of the volumetric energy K/2 (J - 1)^2 among FEBio's."""
 
-BODY = "socket_body"
+BODY, ALL = "socket_body", "all_nodes"
+"""Sets of nodes: those that move with the socket, and all."""
 
 _SHARES, _INSIDE = (1 / 6, 1 / 2), 2 / 3
 """Shares of a force that nodes at the slab's faces have, at corners and between them, and the node
@@ -173,7 +174,7 @@ class _Writer:
         for tissue, regions in case.tissue_sets.items():
             members = np.concatenate([case.cells(region) for region in regions])
             _add(parent, "ElementSet", _listed(np.sort(members)), name=f"tissue_{tissue}")
-        self._node_set(parent, "section", np.arange(self._n))
+        self._node_set(parent, ALL, np.arange(self._n))
         for boundary in case.mesh.boundaries:
             if len(case.facets(boundary)):
                 self._node_set(parent, boundary, case.nodes(boundary))
@@ -212,7 +213,7 @@ class _Writer:
             _add(surface, "quad8", _listed(face), id=str(number))
 
     def _fixed(self, parent: ET.Element) -> None:
-        self._zero(parent, "plane strain", "section", "z")
+        self._zero(parent, "plane strain", ALL, "z")
         self._zero(parent, "bone", tags.TIBIA_MEDULLARY, "xy")
 
     def _zero(self, parent: ET.Element, name: str, nodes: str, axes: str) -> None:

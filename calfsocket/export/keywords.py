@@ -12,7 +12,7 @@ from itertools import count
 
 import calfsocket
 from calfsocket.export.case import ExportedCase, LoadStep, Material, rows
-from calfsocket.export.laws import Converted, Invariant, Linear, Series, converted
+from calfsocket.export.laws import Converted, Form, Invariant, Linear, Series, converted
 from calfsocket.meshes import tags
 
 MOST_IN_LINE, LONGEST_LINE = 16, 120
@@ -172,7 +172,7 @@ class _Writer:
             self.remarks += remarks
             yield f"*MATERIAL, NAME={material.name}"
             yield from self._law(material.name, law)
-            yield from self._expansion(material)
+            yield from self._expansion(material, law.form)
             for region in material.regions:
                 yield f"*SOLID SECTION, ELSET={region}, MATERIAL={material.name}"
                 yield "1."
@@ -317,29 +317,26 @@ class _Writer:
     def _has_temperature(self) -> bool:
         return self._is_widened or any(step.volume for step in self.case.steps)
 
-    def _expansion(self, material: Material) -> Iterator[str]:
+    def _expansion(self, material: Material, form: Form) -> Iterator[str]:
         """Give a material its size at the end of each step, whose number is its temperature.
 
         The coefficient is a table of temperature, so that materials change as they like.
         """
         case, first = self.case, 2 if self._is_widened else 1
         tissue = case.tissues[material.regions[0]]
-        widened = self._is_widened and set(case.socket_regions) >= set(material.regions)
-        in_plane = widened and tissue == tags.SOCKET
         sizes = {}
-        if widened:
-            sizes = {1: case.swelling, **{k: 0.0 for k in range(2, first + len(case.steps) + 1)}}
+        if self._is_widened and set(case.socket_regions) >= set(material.regions):
+            sizes = dict.fromkeys(range(2, first + len(case.steps) + 1), 0.0)
+            sizes = {1: _in_plane(case.swelling, form)} | sizes
         elif any(tissue in step.volume for step in case.steps):
             sizes = dict.fromkeys(range(1, first + 1), 0.0) | {
                 number: (1.0 + step.volume.get(tissue, 0.0)) ** (1 / 3) - 1.0
                 for number, step in enumerate(case.steps, first + 1)
             }
-        if not sizes:
-            return
-        yield "*EXPANSION, TYPE=ORTHO, ZERO=0." if in_plane else "*EXPANSION, ZERO=0."
-        for number, size in sizes.items():
-            ratio = _number(size / number)
-            yield f"{ratio}, {ratio}, 0., {number}." if in_plane else f"{ratio}, {number}."
+        if sizes:
+            yield "*EXPANSION, ZERO=0."
+            for number, size in sizes.items():
+                yield f"{_number(size / number)}, {number}."
 
     def _temperatures(self) -> Iterator[str]:
         if self._has_temperature:
@@ -470,6 +467,16 @@ class _Writer:
             f"*NODE PRINT, NSET={tags.TIBIA_MEDULLARY}, TOTALS=ONLY",
             "RF",
         ]
+
+
+def _in_plane(swelling: float, form: Form) -> float:
+    """Return the strain in all directions by which a material that keeps its length swells.
+
+    It has no stress in the plane then; along the limb it has, where it is held.
+    """
+    if isinstance(form, Linear):
+        return swelling / (1.0 + form.nu)
+    return float((1.0 + swelling) ** (2 / 3) - 1.0)  # nearly incompressible
 
 
 def _number(value: float) -> str:

@@ -55,19 +55,22 @@ class Linear:
     nu: float
 
 
+Form = Series | Invariant | Linear
+
+
 @dataclass(frozen=True)
 class Converted:
     """A law as the other programs have it.
 
     Attributes
     ----------
-    form : Series, Invariant or Linear
+    form : Form
         The isochoric part, or all of a linear one.
     bulk : float
         Bulk modulus, MPa; infinite where incompressible.
     """
 
-    form: Series | Invariant | Linear
+    form: Form
     bulk: float
 
 
