@@ -13,7 +13,7 @@ from calfsocket.report import tables
 from calfsocket.report.damage import DamageThresholds, damage
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, spread
-from calfsocket.report.words import change, number
+from calfsocket.report.words import TOGETHER, change, measured, number
 from report_results import contact_on_plate, plate, results_of
 
 # --- damage
@@ -71,8 +71,8 @@ def test_thresholds_are_checked(value):
         (17.0, "17.0"),
         (-0.0213, "\N{MINUS SIGN}0.0213"),
         (0.0, "0"),
-        (-3.8e6, "\N{MINUS SIGN}3.8·10^6"),
-        (2e-5, "2.0·10^\N{MINUS SIGN}5"),
+        (-3.8e6, "\N{MINUS SIGN}3.8·10⁶"),
+        (2e-5, "2.0·10⁻⁵"),
         (99.96, "100"),
         (float("nan"), ""),
     ],
@@ -81,9 +81,25 @@ def test_numbers_as_people_read_them(value, text):
     assert number(value) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (18.6, 9e-6, "18.6 ± <0.05"),
+        (5.25, 0.019, "5.25 ± 0.02"),
+        (0.816, 0.03, "0.816 ± 0.030*"),
+        (1755.0, 12.3, "1755 ± 12"),
+        (1755.0, 0.2, "1755 ± <0.5"),
+        (2e-5, 3e-7, "2.0·10⁻⁵ ± 3.0·10⁻⁷"),
+        (17.0, float("nan"), "17.0"),
+    ],
+)
+def test_mesh_errors_have_the_decimals_of_their_numbers(value, error, text):
+    assert measured(value, error).replace(TOGETHER, " ") == text
+
+
 def test_changes_as_people_read_them():
     texts = [change(value) for value in (134.2, -5.04, -0.01, 0.0, 3.4e5, np.nan)]
-    assert texts == ["+134", "\N{MINUS SIGN}5.0", "0.0", "0.0", "+3.4·10^5", ""]
+    assert texts == ["+134", "\N{MINUS SIGN}5.0", "0.0", "0.0", "+3.4·10⁵", ""]
 
 
 def test_spread_keeps_the_order_of_first_appearance():

@@ -8,6 +8,7 @@ import pandas as pd
 from calfsocket.postprocess.mesh_error import settled
 
 TIMES = "\N{MULTIPLICATION SIGN}"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
 
 
@@ -19,25 +20,30 @@ def number(value: float) -> str:
         return "0"
     if not 1e-3 <= abs(value) < 1e5:
         mantissa, exponent = f"{value:.1e}".split("e")
-        text = f"{mantissa}·10^{int(exponent)}"
+        text = f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
     else:
         text = f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
     return text.replace("-", "\N{MINUS SIGN}")
 
 
 def measured(value: float, error: float = np.nan) -> str:
-    """Return a number with its mesh error behind it, and a star where it has not settled."""
+    """Return a number with its mesh error behind it, and a star where it has not settled.
+
+    The error has the decimals of the number; where that would be zero, it says what it is below.
+    """
     if not (np.isfinite(error) and np.isfinite(value)):
         return number(value)
     star = "" if settled(value, error) else "*"
-    return f"{number(value)}{TOGETHER}\N{PLUS-MINUS SIGN}{TOGETHER}{_short(error)}{star}"
+    return f"{number(value)}{TOGETHER}\N{PLUS-MINUS SIGN}{TOGETHER}{_error(value, error)}{star}"
 
 
-def _short(error: float) -> str:
-    """Return an error with two digits."""
-    if error == 0 or not 1e-3 <= error < 1e5:
+def _error(value: float, error: float) -> str:
+    """Return an error with the decimals that its number is shown with."""
+    if not 1e-3 <= abs(value) < 1e5:
         return number(error)
-    return f"{error:.0f}" if error >= 9.95 else f"{error:#.2g}"
+    decimals = len(number(value).rpartition(".")[2]) if abs(value) < 99.95 else 0
+    half = 0.5 * 10.0**-decimals
+    return f"<{half:.{decimals + 1}f}" if error < half else f"{error:.{decimals}f}"
 
 
 def measured_all(values: "pd.Series[float]", rows: pd.DataFrame, column: str) -> list[str]:
