@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.calibration import unit
-from benchmarks.measures import SUBJECTS, Subject
+from benchmarks.measures import QUICK, SUBJECTS, THOROUGH, USUAL, Subject
 from calfsocket.io.files import write_json
 from calfsocket.io.versions import versions
 
@@ -26,7 +26,21 @@ def main() -> None:
     """Measure, compare, print and write."""
     parser = argparse.ArgumentParser(prog="python3 -m benchmarks", description=__doc__)
     parser.add_argument("--only", default=",".join(SUBJECTS), help="default: %(default)s")
-    parser.add_argument("--quick", action="store_true", help="smaller problems: a minute")
+    parser.add_argument(
+        "--quick",
+        dest="problems",
+        action="store_const",
+        const=QUICK,
+        default=USUAL,
+        help="smaller problems: a minute",
+    )
+    parser.add_argument(
+        "--thorough",
+        dest="problems",
+        action="store_const",
+        const=THOROUGH,
+        help="up to a million triangles, 100 cases on two ranks: hours, 20 GB",
+    )
     parser.add_argument("--out", type=Path, default=Path("benchmarks.json"))
     parser.add_argument("--of", type=Path, default=HERE.parent, help="another checkout")
     parser.add_argument("--store", action="store_true", help="make this the baseline")
@@ -37,7 +51,7 @@ def main() -> None:
     chosen = arguments.only.split(",")
     if unknown := set(chosen) - set(SUBJECTS):
         parser.error(f"--only: {', '.join(sorted(unknown))}; choose from {', '.join(SUBJECTS)}")
-    console, subject = Console(width=140), Subject(arguments.of.resolve(), arguments.quick)
+    console, subject = Console(width=140), Subject(arguments.of.resolve(), arguments.problems)
     numbers: dict[str, float] = {}
     report: dict[str, Any] = {
         "date": time.strftime("%Y-%m-%d %H:%M"),

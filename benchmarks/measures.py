@@ -7,7 +7,8 @@ ratios.
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,19 +19,67 @@ from benchmarks.process import MONITOR, Ended, run
 FIRST, FOURTH = 2, 5
 """Lines of the monitor when as many iterations are done: the first line is that of the start."""
 
+
+@dataclass(frozen=True)
+class Problems:
+    """Which problems are solved; the defaults take ten minutes.
+
+    Attributes
+    ----------
+    repeats : int
+        Of what takes seconds; the fastest counts.
+    meshes, cases : tuple of str
+        Sizes of meshes that are made, and of cases that are solved alone.
+    frictions : int
+        Cases of a sweep.
+    size, sockets : str
+        Of the paper's runs.
+    growth : tuple of int
+        Numbers of triangles.
+    side_by_side, large : int
+        On two ranks: cases of a sweep, and triangles of one case.
+    """
+
+    repeats: int = 3
+    meshes: tuple[str, ...] = ("coarse", "paper", "120000")
+    cases: tuple[str, ...] = ("coarse", "paper")
+    frictions: int = 12
+    size: str = "paper"
+    sockets: str = "TC,TSB,HS"
+    growth: tuple[int, ...] = (7000, 30_000, 120_000)
+    side_by_side: int = 20
+    large: int = 120_000
+
+
+USUAL = Problems()
+QUICK = Problems(
+    repeats=1,
+    meshes=("coarse",),
+    cases=("coarse",),
+    frictions=3,
+    size="coarse",
+    sockets="HS",
+    growth=(7000, 15_000),
+    side_by_side=4,
+    large=15_000,
+)
+"""A minute."""
+THOROUGH = replace(
+    USUAL, growth=(7000, 30_000, 120_000, 400_000, 1_000_000), side_by_side=100, large=200_000
+)
+"""An hour or two, and 20 GB."""
+
 ONE = '[study]\nsockets = ["HS"]\nmaterials = ["combined"]\n[model]\nsize = "{size}"\n'
 FOUR = '[study]\nsockets = ["HS", "TC"]\nmaterials = ["combined", "separate"]\n'
-FRICTIONS = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2]
-
 Numbers = dict[str, float]
 
 
 @dataclass(frozen=True)
 class Subject:
-    """The checkout that is measured, and whether it is to be quick."""
+    """The checkout that is measured, and how large the problems are."""
 
     checkout: Path
-    quick: bool = False
+    problems: Problems = USUAL
 
     @contextmanager
     def study(self, text: str, *words: str) -> Iterator[tuple[list[str], Path]]:
@@ -47,15 +96,16 @@ class Subject:
 
 def start(subject: Subject) -> Numbers:
     """Time until something happens, with everything compiled."""
+    times = range(subject.problems.repeats)
     with subject.study(FOUR) as (words, _):
-        check = min(subject.ended(["check", words[1]]).processor for _ in range(3))
+        check = min(subject.ended(["check", words[1]]).processor for _ in times)
     with subject.study(ONE.format(size="coarse"), "--no-pictures", "--no-report", *MONITOR) as (
         words,
         _,
     ):
-        iterations = [subject.ended(words, iterations=FIRST).iterations[-1] for _ in range(3)]
+        iterations = [subject.ended(words, iterations=FIRST).iterations[-1] for _ in times]
     return {
-        "help_s": min(subject.ended(["--help"]).processor for _ in range(3)),
+        "help_s": min(subject.ended(["--help"]).processor for _ in times),
         "check_of_four_cases_s": check,
         "first_iteration_coarse_s": min(processor for _, processor in iterations),
     }
@@ -63,9 +113,8 @@ def start(subject: Subject) -> Numbers:
 
 def mesh(subject: Subject) -> Numbers:
     """Time of the command that makes a mesh."""
-    sizes = ("coarse", "paper") if subject.quick else ("coarse", "paper", "120000")
     found = {}
-    for size in sizes:
+    for size in subject.problems.meshes:
         with tempfile.TemporaryDirectory() as folder:
             out = str(Path(folder) / "hs.msh")
             ended = subject.ended(["mesh", "--socket", "HS", "--size", size, "--out", out])
@@ -75,19 +124,18 @@ def mesh(subject: Subject) -> Numbers:
 
 def sweep(subject: Subject) -> Numbers:
     """Cases of one geometry: a sweep over friction, coarse, without report."""
-    frictions = FRICTIONS[2:5] if subject.quick else FRICTIONS
-    text = ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions}\n"
+    n = subject.problems.frictions
     found = {}
     for what, words in (("", ["--no-pictures"]), ("_with_pictures", [])):
-        with subject.study(text, "--no-report", *words) as (command, _):
-            found[f"sweep_of_{len(frictions)}{what}_s"] = subject.ended(command).processor
+        with subject.study(_frictions(n), "--no-report", *words) as (command, _):
+            found[f"sweep_of_{n}{what}_s"] = subject.ended(command).processor
     return found
 
 
 def solution(subject: Subject) -> Numbers:
     """One case: the solution over its own factorisations and triangular solves, and memory."""
     found = {}
-    for size in ("coarse",) if subject.quick else ("coarse", "paper"):
+    for size in subject.problems.cases:
         with subject.study(ONE.format(size=size), "--profile", "--no-pictures", "--no-report") as (
             words,
             out,
@@ -104,15 +152,16 @@ def solution(subject: Subject) -> Numbers:
 
 
 def study(subject: Subject) -> Numbers:
-    """Time the six runs with all that is made of them, and their report and a picture alone."""
-    size = "coarse" if subject.quick else "paper"
+    """Time runs of the paper with all that is made of them, and report and a picture alone."""
+    size, sockets = subject.problems.size, subject.problems.sockets
     with tempfile.TemporaryDirectory() as folder:
         out = str(Path(folder) / "results")
-        whole = subject.ended(["--size", size, "--out", out], ranks=2)
+        whole = subject.ended(["--size", size, "--sockets", sockets, "--out", out], ranks=2)
         report, both = (subject.ended(["report", out], n) for n in (1, 2))
         picture = subject.ended(["picture", f"{out}/HS_separate"])
+    runs = 2 * len(sockets.split(","))
     return {
-        f"six_runs_{size}_two_ranks_wall_s": whole.wall,
+        f"{runs}_runs_{size}_two_ranks_wall_s": whole.wall,
         f"report_{size}_s": report.processor,
         f"report_{size}_two_ranks_wall_s": both.wall,
         f"picture_{size}_s": picture.processor,
@@ -121,10 +170,10 @@ def study(subject: Subject) -> Numbers:
 
 def growth(subject: Subject) -> Numbers:
     """One Newton iteration and the memory so far, from coarse to far beyond the paper's mesh."""
-    sizes = (7000, 15_000) if subject.quick else (7000, 30_000, 120_000)
+    sizes = subject.problems.growth
     found: Numbers = {}
     for size in sizes:
-        ended = _iterations(subject, size)
+        ended = _iterations(subject, size, 1)
         found[f"iteration_{size}_s"] = _one(ended, column=1)
         found[f"memory_{size}_MB"] = ended.memory
     for what in ("iteration_{}_s", "memory_{}_MB"):
@@ -136,22 +185,26 @@ def growth(subject: Subject) -> Numbers:
 
 def ranks(subject: Subject) -> Numbers:
     """Two ranks against one: cases side by side, and one large case on both; wall times."""
-    frictions = FRICTIONS[2:5] if subject.quick else FRICTIONS[2:]
-    frictions = [f + more for more in (0.0, 0.01) for f in frictions]
-    text = ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions}\n"
+    n_cases, size = subject.problems.side_by_side, subject.problems.large
     walls = []
     for n in (1, 2):
-        with subject.study(text, "--no-pictures", "--no-report") as (words, _):
+        with subject.study(_frictions(n_cases), "--no-pictures", "--no-report") as (words, _):
             walls.append(subject.ended(words, n).wall)
-    size = 15_000 if subject.quick else 120_000
     one, both = (_one(_iterations(subject, size, n), column=0) for n in (1, 2))
     return {
-        "throughput_of_two_ranks_over_twice_one": walls[0] / walls[1] / 2,
+        f"throughput_of_{n_cases}_cases_on_two_ranks_over_twice_one": walls[0] / walls[1] / 2,
         f"iteration_{size}_on_two_ranks_over_one": both / one,
     }
 
 
-def _iterations(subject: Subject, size: int, n: int = 1) -> Ended:
+def _frictions(n: int) -> str:
+    """Return a study of so many frictions, from 0.1 to 1.2."""
+    frictions = [round(float(each), 3) for each in np.linspace(0.1, 1.2, n)]
+    return ONE.format(size="coarse") + f"[sweep.list]\nmodel.friction = {frictions}\n"
+
+
+@cache
+def _iterations(subject: Subject, size: int, n: int) -> Ended:
     words = ["--no-pictures", "--no-report", "--ranks-per-case", str(n), *MONITOR]
     with subject.study(ONE.format(size=size), *words) as (command, _):
         return subject.ended(command, n, iterations=FOURTH)

@@ -54,6 +54,7 @@ def run(
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     environment = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # compiled once, as where a person works
     seen: list[tuple[float, float]] = []
     said: list[str] = []
     begun = False

@@ -146,16 +146,14 @@ def mesh(
 
 def move_nodes(points: np.ndarray) -> None:
     """Move the nodes of the current model to these points, in the order of `extract`."""
-    node_tags = np.sort(gmsh.model.mesh.getNodes()[0])
-    for node, point in zip(node_tags, points, strict=True):
-        gmsh.model.mesh.setNode(node, [*point, 0.0], [])
+    node_tags, before = _nodes()
+    for row in np.flatnonzero((before != points).any(axis=1)):
+        gmsh.model.mesh.setNode(node_tags[row], [*points[row], 0.0], [])
 
 
 def extract() -> TriangleMesh:
     """Return the mesh of the current model as arrays, numbered as gmsh numbers it."""
-    node_tags, points, _ = gmsh.model.mesh.getNodes()
-    order = np.argsort(node_tags)
-    node_tags, points = node_tags[order], points.reshape(-1, 3)[order, :2]
+    node_tags, points = _nodes()
 
     def elements(dim: int, kind: int) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
         nodes, values, names = [], [], {}
@@ -171,3 +169,10 @@ def extract() -> TriangleMesh:
     cells, cell_tags, regions = elements(2, TRIANGLE6)
     facets, facet_tags, boundaries = elements(1, LINE3)
     return TriangleMesh(points, cells, cell_tags, facets, facet_tags, regions, boundaries)
+
+
+def _nodes() -> tuple[np.ndarray, np.ndarray]:
+    """Tags and points (n, 2) of the current model's nodes, by tag."""
+    node_tags, points, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(node_tags)
+    return node_tags[order], points.reshape(-1, 3)[order, :2]

@@ -10,7 +10,14 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import shapely
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import (
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    PrivateAttr,
+    field_validator,
+    model_validator,
+)
 from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
@@ -302,14 +309,19 @@ class Limb(Strict):
             raise InputError(f"{path}: limbs are JSON files; use a name that ends in .json")
         write_json(path, self.model_dump(mode="json", exclude_defaults=True))
 
+    _is_checked: bool = PrivateAttr(default=False)
+
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
+        if self._is_checked:  # pydantic asks again where a limb becomes a part of another model
+            return self
         for problem in self._problems():
             raise ValueError(problem)
         loops = limb_curves(self)
         _check_nesting(self, loops)
         _check_areas(self, loops)
         _check_frame(self, loops)
+        self._is_checked = True
         return self
 
     def _problems(self) -> Iterator[str]:

@@ -32,6 +32,8 @@ COLUMNS = [
 ]  # fmt: skip
 #: Reference coordinates of the six nodes.
 NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+#: Triangles whose lattices fit into a processor's cache.
+TOGETHER = 1000
 #: A lattice of 45 points of the reference triangle, its nodes among them.
 LATTICE = np.array([(r / 8, s / 8) for r in range(9) for s in range(9 - r)])
 
@@ -107,7 +109,9 @@ def quality_table(
         {
             "tag": mesh.cell_tags,
             "area_mm2": areas(x),
-            "min_scaled_jacobian": scaled_jacobians(x),
+            "min_scaled_jacobian": np.concatenate(
+                [scaled_jacobians(x[i : i + TOGETHER]) for i in range(0, len(x), TOGETHER)]
+            ),
             "min_angle_deg": smallest_angles(x),
         }
     ).groupby("tag")

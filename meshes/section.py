@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.system import gmsh
-from calfsocket.meshes import gmsh_model, sizing, tags
+from calfsocket.meshes import gmsh_model, sizing, store, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.limb import Limb, limb_curves
@@ -39,16 +39,29 @@ SUBDIVISION = np.array(
 
 
 def section_mesh(
-    comm: MPI.Comm, limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None
+    comm: MPI.Comm,
+    limb: Limb,
+    socket: Socket,
+    size: MeshSize,
+    liner: Lining | None = None,
+    again: bool = True,
 ) -> SectionMesh:
     """Mesh a limb, a liner and a socket on rank 0 of `comm` and distribute it over its ranks.
+
+    Unless it is to be made `again`, a mesh that was made before is taken from the user's cache.
 
     Raises
     ------
     InputError
         On every rank, when the data cannot be meshed.
     """
-    return distribute(comm, lambda: build(limb, socket, size, liner))
+
+    def make() -> TriangleMesh:
+        return build(limb, socket, size, liner)
+
+    if again:
+        return distribute(comm, make)
+    return distribute(comm, lambda: store.stored(store.name_of(limb, socket, size, liner), make))
 
 
 def build(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = None) -> TriangleMesh:

@@ -17,11 +17,12 @@ import pytest
 from mpi4py import MPI
 
 from calfsocket.io.errors import InputError, WriteError
+from calfsocket.meshes import store
 from calfsocket.simulation import simulation
 from calfsocket.simulation.precompile import precompile
 from calfsocket.study import restart, runner
 from reliability import Trial
-from tiny_study import Fault, tiny_study
+from tiny_study import Fault, mesh_again, tiny_study
 
 TITLE = "Faults while running"
 INTRO = """\
@@ -141,6 +142,11 @@ def without_precompiling(monkeypatch):
 
 
 precompiled: list[bool] = []
+
+
+@pytest.fixture(autouse=True)
+def _own_meshes(monkeypatch):
+    monkeypatch.setattr(store, "stored", mesh_again)
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,15 @@
 
 from dataclasses import astuple, replace
 
+import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
-from calfsocket.meshes.section import build
+from calfsocket.meshes import gmsh_model, sizing
+from calfsocket.meshes.section import build, write_section
 from calfsocket.meshes.sizing import (
+    BLOCK,
     COUNT_TOLERANCE,
     FEWEST_TRIANGLES,
     MOST_TRIANGLES,
@@ -79,3 +83,37 @@ def test_a_size_that_is_final_asks_for_nothing():
 def test_a_section_has_about_so_many_triangles():
     mesh = build(tiny_limb(), tiny_socket("A"), mesh_size("7000"))
     assert len(mesh.cells) == pytest.approx(7000, rel=2 * COUNT_TOLERANCE)
+
+
+@pytest.mark.parametrize("reach", [0.1, 1.9, 5.0, 40.0])
+def test_what_is_near_is_the_same_by_blocks_as_from_every_point(reach):
+    """Whatever the reach, and where the last blocks are not whole."""
+    t = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
+    points = np.stack([9.3 * np.cos(t), 4.1 * np.sin(t)], axis=1)
+    around = sizing._Surroundings(points)
+    assert any(n % BLOCK for n in around._grid.shape[:2])
+    distance, nearest = around._within(reach)
+    wanted = cKDTree(points).query(around._grid, distance_upper_bound=reach)[0]
+    np.testing.assert_array_equal(distance, wanted)
+    is_near = np.isfinite(wanted)
+    assert (nearest[~is_near] == len(points)).all()
+    away = np.linalg.norm(points[nearest[is_near]] - around._grid[is_near], axis=1)
+    np.testing.assert_allclose(away, wanted[is_near], rtol=1e-12)
+    assert is_near.any()
+
+
+def test_a_file_of_a_number_of_triangles_takes_no_mesh_more_than_the_number(monkeypatch, tmp_path):
+    made = []
+    generate = gmsh_model.mesh
+
+    def count(*given):
+        made.append(given)
+        generate(*given)
+
+    monkeypatch.setattr(gmsh_model, "mesh", count)
+    limb, socket, size = tiny_limb(), tiny_socket("A"), replace(SIZES["paper"], triangles=7000)
+    mesh = build(limb, socket, size)
+    trials = len(made)
+    table = write_section(tmp_path / "a.msh", limb, socket, size)
+    assert len(made) == 2 * trials
+    assert table.triangles.sum() == len(mesh.cells)

@@ -92,9 +92,9 @@ def test_cases_of_one_geometry_share_mesh_and_analysis(monkeypatch):
     made = []
     mesh, layout = simulation.section_mesh, Layout.__init__
 
-    def count_mesh(*given):
+    def count_mesh(*given, **how):
         made.append("mesh")
-        return mesh(*given)
+        return mesh(*given, **how)
 
     def count_layout(self, *given):
         made.append("layout")

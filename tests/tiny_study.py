@@ -28,10 +28,11 @@ from calfsocket import cli
 from calfsocket.commands import CASE_FAILED, OK
 from calfsocket.io import errors
 from calfsocket.materials.material_set import MaterialSet
-from calfsocket.meshes import distributed, section, tags
+from calfsocket.meshes import distributed, section, store, tags
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.placement import check_placement
 from calfsocket.meshes.socket import NormalOffset, Socket
+from calfsocket.meshes.triangles import TriangleMesh
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.simulation.record import StudySource
 from calfsocket.study import runner
@@ -135,6 +136,8 @@ def tiny_study(
 class TinyCommand:
     """The study as a command: `cli` starts MPI with it and ends it."""
 
+    solves = True
+
     @staticmethod
     def run(comm: MPI.Intracomm, arguments: argparse.Namespace) -> int:
         study = tiny_study(Path(arguments.out), **arguments.study)
@@ -196,6 +199,11 @@ def inject(fault: Fault) -> None:
     setattr(owner, name, fault.put_into(getattr(owner, name)))
 
 
+def mesh_again(_: str, make: Callable[[], TriangleMesh]) -> TriangleMesh:
+    """Stand for `store.stored`, so that each study meshes its sections itself."""
+    return make()
+
+
 def share_out(owners: tuple[int, int]) -> None:
     """Place the limb on one rank and the socket on another; further ranks get nothing."""
     from dolfinx.cpp.graph import AdjacencyList_int32
@@ -235,6 +243,7 @@ def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
     `how` may have ``ranks_per_case``, ``resume``, ``fault``, ``owners`` (`share_out`), ``petsc``
     (options) and ``largest_file`` (bytes).
     """
+    store.stored = mesh_again
     if "owners" in how:
         owners = how["owners"]
         after_precompiling(lambda: share_out(owners))

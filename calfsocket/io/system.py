@@ -1,4 +1,4 @@
-"""What an installation by pip takes from the system: a C compiler, and the libraries of gmsh."""
+"""What is the system's: a folder for what is kept, a C compiler, and the libraries of gmsh."""
 
 import os
 import shlex
@@ -6,6 +6,7 @@ import subprocess
 import sysconfig
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from calfsocket.io.errors import CalfsocketError
 
@@ -22,6 +23,12 @@ _MISSING = (
     "the forms cannot be compiled: {reason}; a C compiler and the headers of Python are needed, in "
     "Debian 13: apt-get install gcc libc6-dev python3-dev; another compiler is named by CC"
 )
+
+
+def cache_folder() -> Path:
+    """Folder for what need not be made again, under the user's cache directory."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "calfsocket"
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from dolfinx import jit
 from mpi4py import MPI
 
 import calfsocket
+from calfsocket.io import system
 from calfsocket.io.files import replacing
 from calfsocket.io.system import compiler_needed
 from calfsocket.materials.fields import Kind, kind
@@ -49,8 +50,7 @@ _COMPILED = "*.so"
 
 def cache_folder() -> Path:
     """Folder of the compiled forms, under the user's cache directory."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "calfsocket" / "fenics"
+    return system.cache_folder() / "fenics"
 
 
 def precompile(

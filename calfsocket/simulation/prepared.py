@@ -31,7 +31,8 @@ class Prepared:
     def section(self, geometry: Hashable, make: Callable[[], SectionMesh]) -> SectionMesh:
         """Return the mesh of a geometry; the last one, if it has that (collective)."""
         if self._section is None or geometry != self._geometry:
-            self.forget()
+            if self._section is not None:
+                self.forget()
             self._section, self._geometry = make(), geometry
             self._points = self._section.mesh.geometry.x.copy()
         self._section.mesh.geometry.x[:] = self._points  # an expanded socket moves its nodes

@@ -285,7 +285,9 @@ class Simulation:
         with self.phases("mesh"):
             section = prepared.section(
                 self.geometry,
-                lambda: section_mesh(self.comm, self.limb, self.socket, self.mesh_size, self.liner),
+                lambda: section_mesh(
+                    self.comm, self.limb, self.socket, self.mesh_size, self.liner, again=False
+                ),
             )
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}

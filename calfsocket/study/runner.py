@@ -118,6 +118,7 @@ class Runner:
             families = numbered([case.geometry for case in cases])
             scheduler = Scheduler(self.comm, families, self.ranks_per_case, on_report)
             prepared = Prepared()
+            gc.freeze()  # what is there by now stays, and need not be searched after each case
             while (number := scheduler.next_case()) is not None:
                 runner = _CaseRunner(self, scheduler, cases[number], prepared)
                 scheduler.report(runner.attempt(resume))
