@@ -28,6 +28,7 @@ Write tables, figures and report.html of a study, from its files alone; a study 
 gets what it allows. Beside results of the paper's cases stand the paper's own, with a scoreboard of
 its claims. Started with `mpirun -n 2`, two ranks draw the figures.
 """,
+    solves=False,
 )
 def report(comm: Comm, arguments: Namespace) -> None:
     """Make tables, figures and page of a solved study."""
@@ -60,6 +61,7 @@ def write(comm: Comm, results: "Results", thresholds: "DamageThresholds | None" 
 Redraw the picture of a case from its files. That of a case which has stopped below its full load
 says so.
 """,
+    solves=False,
 )
 @first_rank
 def picture(arguments: Namespace) -> None:

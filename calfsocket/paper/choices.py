@@ -10,7 +10,6 @@ from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table
 from calfsocket.report.variants import BASE, variants
 from calfsocket.report.words import TIMES
-from calfsocket.study.study import variants as paper_variants
 
 MARKS = {HOLDS: "\N{CHECK MARK}", FAILS: TIMES, UNCHECKED: "?"}
 
@@ -34,7 +33,12 @@ def tables(findings: Findings) -> list[Table]:
 
 def are_the_papers(findings: Findings) -> bool:
     """Whether a study has just the variants of what the paper leaves open."""
-    return {*variants(findings.study)} == {BASE, *paper_variants()}
+    found = variants(findings.study)
+    if not found:
+        return False
+    from calfsocket.study.study import variants as paper_variants
+
+    return {*found} == {BASE, *paper_variants()}
 
 
 def _counts(boards: Mapping[str, pd.DataFrame]) -> Table:

@@ -318,9 +318,14 @@ class Quantities:
 
     def nearest(self, tissue: str, x_mm: float, y_mm: float) -> int:
         """Return the tissue's pair whose common edge is nearest to a site (reference section)."""
-        inside = self._pairs_of[tissue]
-        middle = self.fields.points[self.pairs.edge_node[inside]]
-        return int(inside[np.argmin(np.linalg.norm(middle - (x_mm, y_mm), axis=1))])
+        x, y = self._sites[tissue]
+        return int(self._pairs_of[tissue][np.argmin(np.hypot(x - x_mm, y - y_mm))])
+
+    @cached_property
+    def _sites(self) -> dict[str, NDArray[np.float64]]:
+        """Sites of the pairs of each tissue, (2, n)."""
+        sites = self.fields.points[self.pairs.edge_node].T
+        return {name: sites[:, inside] for name, inside in self._pairs_of.items()}
 
     @cached_property
     def _pairs_of(self) -> dict[str, NDArray[np.int64]]:
