@@ -42,8 +42,11 @@ def run(
     checkout: Path,
     ranks: int = 1,
     iterations: int | None = None,
+    **environment: str,
 ) -> Ended:
     """Run `python3 -m calfsocket WORDS` of a checkout; stop it after some lines of the monitor.
+
+    `environment` are variables besides those that there are.
 
     Raises
     ------
@@ -53,8 +56,8 @@ def run(
     command = [sys.executable, "-m", "calfsocket", *words]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
-    environment = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1"}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # compiled once, as where a person works
+    variables = os.environ | {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1"} | environment
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)  # compiled once, as where a person works
     seen: list[tuple[float, float]] = []
     said: list[str] = []
     begun = False
@@ -64,7 +67,7 @@ def run(
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=environment,
+        env=variables,
         cwd=checkout,  # where `python3 -m` looks first
     )
     assert process.stdout is not None

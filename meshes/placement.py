@@ -189,9 +189,10 @@ def _overlap(points: Array, face: Array) -> Array:
     return overlap
 
 
-def _distance(points: Array, polygon: Array) -> Array:
-    """Return the distance of points from a closed polygon, shape (n,)."""
-    edges = shapely.linestrings(np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1))
+def _distance(points: Array, *polygons: Array) -> Array:
+    """Return the distance of points from the nearest of closed polygons, shape (n,)."""
+    ends = [np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1) for polygon in polygons]
+    edges = shapely.linestrings(np.concatenate(ends))
     nearest = shapely.STRtree(np.asarray(edges)).query_nearest(
         shapely.points(points), return_distance=True, all_matches=False
     )
@@ -202,7 +203,6 @@ def _soft_tissue(points: Array, limb: Limb, loops: dict[str, ClosedCurve]) -> Ar
     """Return the distance from points of the skin to what does not give way, shape (n,), mm."""
     hard = [region.outer for region in limb.regions if region.tissue == "bone"]
     hard.append(limb.fixed_boundary)
-    distances = [
-        _distance(points, loops[name].evaluate(loops[name].sample(CURVE_STEP))) for name in hard
-    ]
-    return np.min(distances, axis=0)
+    return _distance(
+        points, *(loops[name].evaluate(loops[name].sample(CURVE_STEP)) for name in hard)
+    )

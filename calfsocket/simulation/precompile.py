@@ -112,7 +112,8 @@ def done_file(laws: Sequence[Law]) -> str:
     versions of the compilers and the options that they are given.
     """
     versions = [each.__version__ for each in (dolfinx, ufl, ffcx, basix, np)]
-    parts = [*versions, repr(sorted(jit.get_options().items())), os.environ.get("CC", "")]
+    options = {name: value for name, value in jit.get_options().items() if name != "cache_dir"}
+    parts = [*versions, repr(sorted(options.items())), os.environ.get("CC", "")]
     parts += map(signature, map(kind, laws))
     digest = hashlib.sha256("\n".join(parts).encode())
     for path in _sources():
