@@ -35,7 +35,7 @@ def measured(value: float, error: float = np.nan) -> str:
 
 def _short(error: float) -> str:
     """Return an error with two digits."""
-    if error == 0 or not 1e-4 <= error < 1e5:
+    if error == 0 or not 1e-3 <= error < 1e5:
         return number(error)
     return f"{error:.0f}" if error >= 9.95 else f"{error:#.2g}"
 
