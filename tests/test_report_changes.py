@@ -1,10 +1,13 @@
 """Relative changes and sites, against numbers that can be checked by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from calfsocket.paper import published
+from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.report.changes import (
     complete_sockets,
     magnitude_change,
@@ -13,6 +16,7 @@ from calfsocket.report.changes import (
 )
 from calfsocket.simulation.results import Results
 from report_results import contact_on_plate, plate, results_of, with_shear
+from sections import contact_around
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +105,19 @@ def test_one_set_alone_has_nothing_to_compare(results):
     assert complete_sockets(results) == ("TC",)
     one = results.only([("TC", "separate")])
     assert complete_sockets(one) == () and relative_changes(one).empty
+
+
+def test_skins_of_different_meshes_are_compared_at_the_same_place():
+    def line(n: int, largest_at: float) -> ContactLine:
+        made = contact_around(n=n)
+        angle = np.radians(made.angle_deg - largest_at)
+        return replace(made, pressure_kPa=20 + 10 * np.cos(angle), status=np.full(n, "stick"))
+
+    on = {
+        ("TC", "separate"): (plate(), line(720, 200)),
+        ("TC", "combined"): (plate(), line(360, 140)),
+    }
+    peak = at_sites(relative_changes(results_of(on)), "skin", "contact_pressure_max")
+    # each has 30 kPa at its own largest place, and 20 + 10 cos 60 deg = 25 at the other's
+    np.testing.assert_allclose(peak.separate, [30, 25, 30], rtol=5e-3)
+    np.testing.assert_allclose(peak.combined, [25, 30, 30], rtol=5e-3)
