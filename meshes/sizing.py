@@ -98,6 +98,17 @@ class MeshSize:
             power = float(np.clip(np.log(had / found) / np.log(factor / before), 1.0, 4.0))
         return self.scaled(factor)
 
+    def second(self, cells: int) -> "MeshSize":
+        """Return the size of a second mesh, with half as many triangles as this one has.
+
+        With twice as many where half were fewer than `FEWEST_TRIANGLES`. Sizes have the same shape.
+        """
+        part, word = (0.5, "half") if cells >= 2 * FEWEST_TRIANGLES else (2.0, "twice")
+        name = f"{word} the triangles of {self.name}"
+        if self.triangles is None:
+            return replace(self.scaled(part**-0.5), name=name)
+        return replace(self, name=name, triangles=round(part * self.triangles))
+
     def _factor(self, area: float, along: float) -> float:
         """Return the factor f at which area / f^2 + along / f is the number of triangles."""
         assert self.triangles is not None

@@ -123,7 +123,7 @@ def test_a_forearm_says_what_it_is(forearm):
     )
     said = forearm.answer
     assert said["Vessels"].startswith(
-        "Loaded most in B (Separate set): 99.9 % of the area stays below 4.52 kPa effective stress"
+        "Loaded most in B (Separate set): 99.9 % of their area stays below 4.52 kPa effective"
     )
     # what Combined changes is its muscle, in the one socket that has both sets
     change = "Changes the mean contact pressure by +20 % and the largest by +20 % in A."

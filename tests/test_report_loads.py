@@ -61,7 +61,7 @@ def test_a_lined_socket_that_is_donned_wide_and_loaded_evenly(tmp_path):
         "Forces and moments are spread evenly over the socket's outer face",
         "The skin's effective stress is largest after stage loss,",
         "Every state is a stable equilibrium (no negative modes).",
-        "Skin. Before the loads, 99.9 % of the area stays below",
+        "Skin. Before the loads, 99.9 % of its area stays below",
         "Damage thresholds. In the donned socket, before its loads, 50 % shear strain in muscle",
         "Strains against damage thresholds. Of the donned socket, before its loads. Magnitude",
         "outer face under loads evenly",

@@ -127,6 +127,7 @@ REFUSED = {
     "unit": ({"force": {"medial": "3 N"}}, "unit 'N' is unknown; use N/mm"),
     "side": ({"force": {"front": 1.0}}, "front"),
     "name": ({"name": "donned", "moment": 1.0}, "is the state before all stages"),
+    "folder": ({"name": "second_mesh", "moment": 1.0}, "is another folder of a case"),
 }
 
 

@@ -111,6 +111,7 @@ def tiny_study(
     sockets: tuple[str, ...] = ("A", "B"),
     pictures: bool = False,
     frictions: tuple[float, ...] = (),
+    mesh_error: bool = False,
 ) -> TinyStudy:
     """Make the study; with frictions, a case for each of them and each socket."""
     limb = tiny_limb()
@@ -122,7 +123,12 @@ def tiny_study(
                 limb,
                 socket.model_copy(update={"name": name}),
                 MaterialSet.paper("combined"),
-                Document.model_validate({"model": {"size": "coarse", "friction": friction}}),
+                Document.model_validate(
+                    {
+                        "study": {"mesh_error": mesh_error},
+                        "model": {"size": "coarse", "friction": friction},
+                    }
+                ),
                 of=(socket.name, "combined"),
                 changes={},
                 placement=check_placement(socket, limb),
@@ -250,7 +256,8 @@ def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
     words = argparse.Namespace(
         out=out,
         study={
-            name: value if name == "pictures" else tuple(value) for name, value in study.items()
+            name: value if isinstance(value, bool) else tuple(value)
+            for name, value in study.items()
         },
         ranks_per_case=how.get("ranks_per_case"),
         resume=how.get("resume", False),

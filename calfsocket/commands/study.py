@@ -37,6 +37,11 @@ RUNNING = (
         "--profile", action="store_true", help="show where the time goes, and write profile.csv"
     ),
     option(
+        "--mesh-error",
+        action="store_true",
+        help="solve each case on a second mesh, too, and give every number the error that follows",
+    ),
+    option(
         "--step-fields",
         action="store_true",
         help="write the fields of every load step, too, and fields.pvd for ParaView",
@@ -216,6 +221,8 @@ def solve(comm: Comm, study: "Study", arguments: Namespace) -> int:
     console = Console(stderr=True)
     if comm.rank == 0:
         _log_to(console)
+    if arguments.mesh_error:
+        study = study.changed({"study": {"mesh_error": True}})
     out = Path(arguments.out or study.plan.document.study.out)
     try:
         results = study.run(

@@ -189,6 +189,7 @@ _PLAIN = {
     "model_type": _TABLE,
     "dict_type": _TABLE,
     "string_type": "Input should be text in quotes",
+    "bool_type": "Input should be true or false",
     "float_type": _NUMBER,
     "float_parsing": _NUMBER,
     "tuple_type": _LIST,

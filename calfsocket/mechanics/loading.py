@@ -23,6 +23,9 @@ CARRIED: tuple[Carried, ...] = get_args(Carried)
 DONNED = "donned"
 """Name of the state before the first stage."""
 
+CASE_FOLDERS = ("load_steps", "second_mesh")
+"""Folders beside those of the stages, in that of a case."""
+
 SOFT: tuple[str, ...] = ("muscle", "fat")
 """Tissues that "soft" stands for, those that swell and shrink."""
 
@@ -81,6 +84,8 @@ class Stage(Strict):
     def _is_a_load(self) -> "Stage":
         if self.name == DONNED:
             raise ValueError(f"name: '{DONNED}' is the state before all stages; choose another")
+        if self.name in CASE_FOLDERS:
+            raise ValueError(f"name: '{self.name}' is another folder of a case; choose another")
         if not (self.moves_socket or self.volume):
             raise ValueError("loads nothing; give force, moment, displacement, rotation or volume")
         if self.moment is not None and self.rotation is not None:

@@ -5,10 +5,11 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from calfsocket.plotting import pressure_map
+from calfsocket.postprocess.mesh_error import MESH_ERROR
 from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, in_words, spread
-from calfsocket.report.words import number
+from calfsocket.report.words import measured_all
 from calfsocket.simulation.results import Key
 
 MOST_MAPS = 12
@@ -38,7 +39,8 @@ def tables(findings: Findings) -> list[Table]:
         return []
     data = findings.results.worst_levels
     rows = data[data.quantity.isin((*UNITS, *CONTACT_UNITS))]
-    text = [f"{number(row.value)} at {row.level:.3f}" for row in rows.itertuples()]
+    values = measured_all(rows.value, rows, MESH_ERROR)
+    text = [f"{value} at {level:.3f}" for value, level in zip(values, rows.level, strict=True)]
     shown = in_words(rows)
     shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
     cells = spread(shown, ["tissue", "quantity"], ["socket", "material_set"], text)

@@ -3,15 +3,17 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import pandas as pd
 
 from calfsocket.postprocess.levels import BY_MAGNITUDE, NEARLY_ALL, SHARES
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
 from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.report import names
 from calfsocket.report.changes import magnitude_change
 from calfsocket.report.findings import Findings
 from calfsocket.report.method import states_of
-from calfsocket.report.words import number, span
+from calfsocket.report.words import measured, measured_all, span
 
 MOST_NAMED, MOST_LISTED = 4, 6
 """Sockets that one sentence names, and cases."""
@@ -31,9 +33,11 @@ class Level:
     region: str
     """Where most of what reaches it is; empty where its name says no more than the tissue's."""
     direction: str
+    error: float = np.nan
+    """Mesh error, NaN where it is not known."""
 
     def __str__(self) -> str:
-        return f"{number(self.value)} {self.unit} {names.QUANTITIES[self.quantity]}"
+        return f"{measured(self.value, self.error)} {self.unit} {names.QUANTITIES[self.quantity]}"
 
     @property
     def where(self) -> str:
@@ -55,19 +59,24 @@ class Answer:
 
     @property
     def pressure(self) -> pd.DataFrame:
-        """Mean and largest contact pressure of each socket, kPa, and where the largest is."""
+        """Mean and largest contact pressure of each socket, kPa, and where the largest is.
+
+        Both as text, too, with their mesh errors.
+        """
         skin = self._rows[self._rows.tissue == "skin"]  # a liner has contact, too
         rows = skin[skin.quantity == "contact_pressure_max"]
-        mean = skin[skin.quantity == "contact_pressure_mean"].set_index("socket").value
+        means = skin[skin.quantity == "contact_pressure_mean"].set_index("socket").loc[rows.socket]
         places = zip(rows.x_mm, rows.y_mm, strict=True)
         return pd.DataFrame(
             {
-                "socket": rows.socket,
-                "average": rows.socket.map(mean),
-                "largest": rows.value,
+                "socket": rows.socket.to_numpy(),
+                "average": means.value.to_numpy(),
+                "largest": rows.value.to_numpy(),
+                "average_text": measured_all(means.value, means, MESH_ERROR),
+                "largest_text": measured_all(rows.value, rows, MESH_ERROR),
                 "side": [self.findings.frame.direction(*place) for place in places],
             }
-        ).reset_index(drop=True)
+        )
 
     @property
     def tissues(self) -> dict[str, list[Level]]:
@@ -81,7 +90,8 @@ class Answer:
                     highest = of.loc[of[NEARLY_ALL].idxmax()]
                     level = (quantity, float(highest[NEARLY_ALL]))
                     where = self._where(highest.socket, tissue, *level)
-                    about = Level(highest.socket, *level, highest.unit, *where)
+                    error = float(highest.get(error_of(NEARLY_ALL), np.nan))
+                    about = Level(highest.socket, *level, highest.unit, *where, error)
                     found.setdefault(tissue, []).append(about)
         return found
 

@@ -115,6 +115,21 @@ def states_of(results: Results) -> list[tuple[str, CaseRecord]]:
     return found
 
 
+def second_meshes(results: Results) -> list[str]:
+    """Return the sizes of the second meshes by which numbers have an error, in words."""
+    seconds = [each.second_mesh for each in results.records.values() if each.has_second_mesh]
+    return list(dict.fromkeys(f"a mesh of {each.size}" for each in seconds if each))
+
+
+def finer_second(results: Results) -> bool:
+    """Return whether a second mesh is finer than that of its case."""
+    return any(
+        each.second_mesh.cells > each.checks.cells
+        for each in results.records.values()
+        if each.second_mesh and each.checks
+    )
+
+
 def stopped(record: CaseRecord) -> str:
     """Return at which load a case has failed; empty where it reached none."""
     failed = record.status == "failed" and record.load and record.load < 1.0

@@ -83,6 +83,9 @@ class Page:
     def line(self, topic: str, caller: Callable[[], str]) -> Markup:
         """Return a line of the answer, whose numbers and units stay together."""
         text = tidy(caller())
+        text = text.replace(
+            " \N{PLUS-MINUS SIGN} ", "\N{NO-BREAK SPACE}\N{PLUS-MINUS SIGN}\N{NO-BREAK SPACE}"
+        )
         for unit in ("%", "kPa"):
             text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
         line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, Markup(text))

@@ -10,12 +10,13 @@ import pandas as pd
 
 from calfsocket.materials.law import Law
 from calfsocket.postprocess.levels import NEARLY_ALL
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
 from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.postprocess.thresholds import SHARE
 from calfsocket.report import along, method, names, variants
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, in_words, spread
-from calfsocket.report.words import TOGETHER, number
+from calfsocket.report.words import TOGETHER, measured_all, number
 from calfsocket.simulation.result import STATE
 from calfsocket.simulation.results import KEY, Results
 
@@ -77,10 +78,8 @@ def levels(results: Results) -> Table:
     data = results.levels
     shown = in_words(data[data.region == ""])
     shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
-    text = [
-        f"{number(below)} (rms{TOGETHER}{number(rms)})"
-        for below, rms in zip(shown[NEARLY_ALL], shown.rms, strict=True)
-    ]
+    below, rms = (measured_all(shown[name], shown, error_of(name)) for name in (NEARLY_ALL, "rms"))
+    text = [f"{each} (rms{TOGETHER}{mean})" for each, mean in zip(below, rms, strict=True)]
     return _by_case("levels", data, shown, ["quantity"], text)
 
 
@@ -89,7 +88,8 @@ def maxima(results: Results) -> Table:
     data = results.summary
     shown = in_words(data[data.quantity.isin((*UNITS, *CONTACT_UNITS))])
     shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
-    return _by_case("maxima", data, shown, ["quantity"], shown.value.map(number))
+    text = measured_all(shown.value, shown, MESH_ERROR)
+    return _by_case("maxima", data, shown, ["quantity"], text)
 
 
 def states(results: Results) -> Table:
@@ -103,7 +103,7 @@ def states(results: Results) -> Table:
         shown,
         ["tissue", "quantity"],
         ["socket", "material_set", STATE],
-        shown.value.map(number),
+        measured_all(shown.value, shown, MESH_ERROR),
     )
     return Table("states", data, cells)
 
@@ -113,7 +113,8 @@ def thresholds(results: Results) -> Table:
     data = results.summary[results.summary.quantity.str.startswith(SHARE)]
     words = data.quantity.str.removeprefix(SHARE).str.replace("_", " ")
     shown = in_words(data).assign(threshold=words)
-    return _by_case("thresholds", data, shown, ["threshold"], shown.value.map(number))
+    text = measured_all(shown.value, shown, MESH_ERROR)
+    return _by_case("thresholds", data, shown, ["threshold"], text)
 
 
 def damage(data: pd.DataFrame) -> Table:

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
+from calfsocket.postprocess.mesh_error import settled
+
 TIMES = "\N{MULTIPLICATION SIGN}"
 TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
 
@@ -21,6 +23,27 @@ def number(value: float) -> str:
     else:
         text = f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
     return text.replace("-", "\N{MINUS SIGN}")
+
+
+def measured(value: float, error: float = np.nan) -> str:
+    """Return a number with its mesh error behind it, and a star where it has not settled."""
+    if not (np.isfinite(error) and np.isfinite(value)):
+        return number(value)
+    star = "" if settled(value, error) else "*"
+    return f"{number(value)}{TOGETHER}\N{PLUS-MINUS SIGN}{TOGETHER}{_short(error)}{star}"
+
+
+def _short(error: float) -> str:
+    """Return an error with two digits."""
+    if error == 0 or not 1e-3 <= error < 1e5:
+        return number(error)
+    return f"{error:.0f}" if error >= 9.95 else f"{error:#.2g}"
+
+
+def measured_all(values: "pd.Series[float]", rows: pd.DataFrame, column: str) -> list[str]:
+    """Return numbers with their mesh errors, which a column of the rows has, if there are any."""
+    errors = rows[column] if column in rows else pd.Series(np.nan, rows.index)
+    return [measured(*pair) for pair in zip(values, errors, strict=True)]
 
 
 def change(value: float) -> str:

@@ -16,6 +16,7 @@ from calfsocket.plotting.files import Drawing
 from calfsocket.plotting.style import type_set
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
 from calfsocket.postprocess.levels import SHARES
+from calfsocket.postprocess.mesh_error import SETTLED
 from calfsocket.postprocess.pressure_map import PLANE_STRAIN
 from calfsocket.report import along, inputs, method
 from calfsocket.report.answer import BEYOND, MOST_LISTED, MOST_NAMED, Answer
@@ -148,6 +149,9 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "several": _several(findings),
         "plane_strain": PLANE_STRAIN,
         "answer": Answer(findings),
+        "mesh_errors": method.second_meshes(results),
+        "finer_second": method.finer_second(results),
+        "settled_pct": f"{100 * SETTLED:g}",
         "nearly_all": f"{SHARES[-1]:g}",
         "beyond": f"{BEYOND:g}",
         "shares": [f"{share:g}" for share in SHARES[:-1]],

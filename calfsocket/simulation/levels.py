@@ -7,6 +7,7 @@ import pandas as pd
 
 from calfsocket.meshes.levels import LimbLevels, Place
 from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.mesh_error import MESH_ERROR
 from calfsocket.postprocess.pressure_map import MapLevel, PressureMap
 from calfsocket.simulation.record import KEY, LEVEL, CaseRecord
 
@@ -87,7 +88,9 @@ def worst_levels(summary: pd.DataFrame, records: Iterable[CaseRecord]) -> pd.Dat
     groups = rows.groupby([*KEY, "tissue", "quantity"], sort=False)
     rows = rows.assign(levels_solved=groups["level"].transform("nunique"))
     columns = [
-        *(*KEY, "tissue", "quantity", "value", "unit", *LEVEL),
+        *(*KEY, "tissue", "quantity", "value", "unit"),
+        *([MESH_ERROR] if MESH_ERROR in rows else []),
+        *LEVEL,
         *("region", "x_mm", "y_mm", "angle_deg", "levels_solved", "levels"),
     ]
     return rows.loc[groups["size"].idxmax(), columns].reset_index(drop=True)

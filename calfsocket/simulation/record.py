@@ -100,6 +100,24 @@ class StateRecord(Strict):
     limit: str = ""
 
 
+class SecondMesh(Strict):
+    """The second mesh of a case, by which its mesh error is estimated.
+
+    Attributes
+    ----------
+    size : str
+        Its size, in words.
+    cells : int
+        Its triangles; 0 where it could not be solved.
+    message : str
+        Why it could not be; empty where it was.
+    """
+
+    size: str
+    cells: int = 0
+    message: str = ""
+
+
 class CaseRecord(Strict):
     """A case in run.json, and in the result.json of its folder.
 
@@ -138,6 +156,8 @@ class CaseRecord(Strict):
         The stage of loading that it is the end of; None for the donned socket.
     states : tuple of str
         Names of the stages that have come to their end.
+    second_mesh : SecondMesh, optional
+        That of the mesh error, where one was asked for.
     """
 
     socket: str
@@ -157,14 +177,14 @@ class CaseRecord(Strict):
     traceback: tuple[str, ...] = ()
     state: StateRecord | None = None
     states: tuple[str, ...] = ()
+    second_mesh: SecondMesh | None = None
 
     @model_serializer(mode="wrap")
     def _without_stages(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave stages out where there are none."""
+        """Leave stages and a second mesh out where there are none."""
         found: dict[str, Any] = write(self)
-        return {
-            key: value for key, value in found.items() if value or key not in ("state", "states")
-        }
+        if_any = ("state", "states", "second_mesh")
+        return {key: value for key, value in found.items() if value or key not in if_any}
 
     @property
     def name(self) -> str:
@@ -206,6 +226,11 @@ class CaseRecord(Strict):
         return self.status == "solved"
 
     @property
+    def has_second_mesh(self) -> bool:
+        """Whether it has a result on a second mesh."""
+        return self.second_mesh is not None and not self.second_mesh.message
+
+    @property
     def load(self) -> float | None:
         """Load of its last equilibrium, 0 to 1; None where there is none."""
         return self.checks.load if self.checks else None
@@ -213,7 +238,10 @@ class CaseRecord(Strict):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Checks that its result does not pass."""
-        return self.checks.warnings if self.checks else ()
+        found = self.checks.warnings if self.checks else ()
+        if self.second_mesh and self.second_mesh.message:
+            found = (*found, f"no mesh error: {self.second_mesh.message}")
+        return found
 
     @property
     def state_name(self) -> str:

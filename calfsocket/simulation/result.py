@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +12,7 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing, write_json
 from calfsocket.io.schema import read_json
+from calfsocket.postprocess import mesh_error
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.levels import levels
@@ -32,6 +33,9 @@ CURVE_FILE = "loading.csv"
 
 STATE = "state"
 """Column of tables, where a case has stages of loading."""
+
+SECOND_MESH = "second_mesh"
+"""Folder, in that of a case, of its result on a second mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,8 @@ class Result:
         Every equilibrium of the stages: stage, force, moment, displacement and rotation of the
         socket, changes of volume, share of the contact that slips, work of friction and of the
         loads (N mm for each mm of limb length, since the socket was donned).
+    second : Result, optional
+        The case on a second mesh, by which numbers have a mesh error.
 
     Examples
     --------
@@ -71,6 +77,7 @@ class Result:
     lining: ContactLine | None = None
     states: Mapping[str, "Result"] = field(default_factory=dict)
     curve: pd.DataFrame | None = None
+    second: "Result | None" = None
 
     @property
     def solved(self) -> bool:
@@ -107,7 +114,9 @@ class Result:
 
     @cached_property
     def _summary(self) -> pd.DataFrame:
-        return summary(self.quantities, self.line, self.contact_levels, self.lining)
+        return self.with_mesh_error(
+            lambda of: summary(of.quantities, of.line, of.contact_levels, of.lining)
+        )
 
     def summary(self) -> pd.DataFrame:
         """Return the largest level of every quantity in every tissue, and the contact's numbers.
@@ -116,13 +125,17 @@ class Result:
         -------
         DataFrame
             tissue, quantity, value, unit, x_mm, y_mm (site in the reference section, mm) and
-            region. See `calfsocket.postprocess.quantities` for what a level is.
+            region; mesh_error where there is a `second` mesh, in the unit of the value. See
+            `calfsocket.postprocess.quantities` for what a level is.
         """
         return self._summary.copy()
 
     @cached_property
     def _levels(self) -> pd.DataFrame:
-        return levels(self.quantities, self.line, self.lining)
+        found = levels(self.quantities, self.line, self.lining)
+        if self.second is None:
+            return found
+        return mesh_error.of_levels(found, self.second.levels(), self._times_change)
 
     def levels(self) -> pd.DataFrame:
         """Return mean, rms and the levels that 50, 95, 99 and 99.9 % of the area stay below.
@@ -138,13 +151,40 @@ class Result:
             length_mm; mean, rms; below_50 to below_99.9, in magnitude where a sign is a direction;
             upper_50 to upper_99.9 and lower_50 to lower_99.9, the levels with their sign that
             a share of the area stays below and above. `calfsocket.postprocess.levels` defines
-            a level.
+            a level. Where there is a `second` mesh each of these has a column with its error,
+            rms_mesh_error and so on, by `calfsocket.postprocess.mesh_error`.
 
         Examples
         --------
         ``result.levels().query("tissue == 'skin' and region == ''")["below_99.9"]``
         """
         return self._levels.copy()
+
+    def on_second_mesh(self, second: "Result") -> "Result":
+        """Return this result with that of a second mesh, and its states with theirs.
+
+        Raises
+        ------
+        InputError
+            Where the two meshes have nearly as many triangles.
+        """
+        mesh_error.times_change(self.checks.cells, second.checks.cells)
+        states = {
+            name: replace(state, second=second.states.get(name))
+            for name, state in self.states.items()
+        }
+        return replace(self, second=second, states=states)
+
+    @property
+    def _times_change(self) -> float:
+        assert self.second is not None
+        return mesh_error.times_change(self.checks.cells, self.second.checks.cells)
+
+    def with_mesh_error(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
+        """Return a table with rows as of the summary; with mesh_error where a second mesh is."""
+        if self.second is None:
+            return table(self)
+        return mesh_error.of_maxima(table(self), table(self.second), self._times_change)
 
     def of_states(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
         """Return a table of the case; with a column `state` where it has stages of loading."""
@@ -229,6 +269,7 @@ class Result:
 
         fields.pvd, too, where there are fields of load steps or stages, and liner_contact.csv where
         a liner is bonded to the limb; each state of a stage has them in a folder of its own below,
+        and so has the result on a second mesh, in second_mesh/,
         and loading.csv has the curve. All of them say at which load this is an equilibrium.
         result.json is written last: a folder that has one is whole.
         """
@@ -244,7 +285,10 @@ class Result:
                 table.to_csv(temporary, index=False)  # all digits
         for name, state in self.states.items():
             (folder / name).mkdir(exist_ok=True)
-            state.save(folder / name)
+            replace(state, second=None).save(folder / name)
+        if self.second is not None:
+            (folder / SECOND_MESH).mkdir(exist_ok=True)
+            self.second.save(folder / SECOND_MESH)
         if self.curve is not None:
             with replacing(folder / CURVE_FILE) as temporary:
                 self.curve.to_csv(temporary, index=False)
@@ -318,4 +362,9 @@ class Result:
             name: cls.read(folder / name, read_json(folder / name / RESULT_FILE, CaseRecord))
             for name in record.states
         }
-        return cls(record, fields, line, steps, lining, states, curve)
+        result = cls(record, fields, line, steps, lining, states, curve)
+        if record.has_second_mesh:
+            own = folder / SECOND_MESH
+            second = cls.read(own, read_json(own / RESULT_FILE, CaseRecord))
+            result = result.on_second_mesh(second)
+        return result

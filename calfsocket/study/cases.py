@@ -16,6 +16,7 @@ from calfsocket.meshes.levels import Level, LimbLevels, Place, sections
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining
 from calfsocket.meshes.placement import Placement, check_placement
+from calfsocket.meshes.sizing import MeshSize
 from calfsocket.meshes.socket import AnySocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
@@ -83,12 +84,19 @@ class Case:
         return self.socket.name, self.materials.name
 
     @property
+    def has_mesh_error(self) -> bool:
+        """Whether a second mesh is solved, too: not of the many cases of a design."""
+        return self.document.study.mesh_error and self.row is None
+
+    @property
     def geometry(self) -> str:
         """What its mesh depends on: cases that share it are solved one after the other."""
         return self.simulation().geometry
 
-    def simulation(self, comm: "MPI.Intracomm | None" = None) -> "Simulation":
-        """Return the simulation of the case on a communicator."""
+    def simulation(
+        self, comm: "MPI.Intracomm | None" = None, mesh_size: MeshSize | None = None
+    ) -> "Simulation":
+        """Return the simulation of the case on a communicator; of its own mesh size by default."""
         from calfsocket.simulation.simulation import Simulation
 
         model = self.document.model
@@ -96,7 +104,7 @@ class Case:
             self.limb,
             self.socket,
             self.materials,
-            mesh_size=model.size,
+            mesh_size=mesh_size or model.size,
             contact=model.contact,
             support=model.socket_support,
             steps=self.document.steps,
@@ -156,6 +164,11 @@ class Plan:
     def thresholds(self) -> tuple[Threshold, ...]:
         """Levels beyond which the summary counts a share of a tissue."""
         return tuple(each.threshold() for each in self.document.thresholds)
+
+    @property
+    def mesh_error(self) -> bool:
+        """Whether each case is solved on a second mesh, too."""
+        return self.document.study.mesh_error
 
     @property
     def notices(self) -> list[str]:

@@ -57,6 +57,8 @@ class StudyTable(Strict):
         separate, combined, or material sets of the file.
     quantities : tuple of str
         Columns of sweep.csv.
+    mesh_error : bool
+        Whether each case is solved on a second mesh, too, for the mesh error of every number.
     """
 
     title: Annotated[str, Field(max_length=200)] = ""
@@ -69,6 +71,7 @@ class StudyTable(Strict):
         "contact_pressure_max",
         "effective_stress",
     )
+    mesh_error: Annotated[bool, Field(strict=True)] = False
 
     @field_validator("sockets", "materials", "quantities")
     @classmethod

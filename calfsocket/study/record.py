@@ -38,6 +38,7 @@ class Recorder:
     """Keeps run.json and cases.csv, on rank 0.
 
     `to_solve` are the chosen cases; to `resume`, without those that an earlier run has finished.
+    Of these, `on_second_mesh` lack nothing but their result on a second mesh.
 
     Raises
     ------
@@ -54,15 +55,18 @@ class Recorder:
         now = conditions()
         earlier = restart.earlier_run(out / RUN_FILE, now if resume else None)
         before = earlier.cases if earlier else {}
-        self.to_solve = tuple(
-            case for case in plan.to_solve if not (resume and self._is_kept(case, before))
+        kept = [case for case in plan.to_solve if resume and self._is_kept(case, before)]
+        self.on_second_mesh = tuple(
+            case for case in kept if case.has_mesh_error and not before[case.name].has_second_mesh
         )
-        records = {case.name: case.record for case in self.to_solve}
+        again = tuple(case for case in plan.to_solve if case not in kept)
+        self.to_solve = (*again, *self.on_second_mesh)
+        records = {case.name: case.record for case in again}
         for name in uncertain.EVALUATED:  # of fewer cases than there will be
             (out / name).unlink(missing_ok=True)
         # A case that is solved again has no results until it reaches its full load again.
         for table in TABLES:
-            remove_rows(out / table, KEY, {case.key for case in self.to_solve})
+            remove_rows(out / table, KEY, {case.key for case in again})
         self._record = StudyRecord(
             **now,
             ranks=ranks,
@@ -82,7 +86,9 @@ class Recorder:
         known = earlier.get(case.name)
         if known is None or not known.solved:
             return False
-        why = restart.damage(known.files, restart.digests(self._out, case.key, known.states))
+        second = known.has_second_mesh
+        now = restart.digests(self._out, case.key, known.states, second)
+        why = restart.damage(known.files, now)
         log.info("%s: %s", case.name, why or "already solved; kept")
         return not why
 

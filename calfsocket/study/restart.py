@@ -10,7 +10,7 @@ import pandas as pd
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.vtu import FIELDS_FILE
 from calfsocket.simulation.record import StudyRecord, read_run
-from calfsocket.simulation.result import CURVE_FILE
+from calfsocket.simulation.result import CURVE_FILE, SECOND_MESH
 from calfsocket.simulation.results import KEY, Key
 
 CASE_FILES = (FIELDS_FILE, "contact.csv")
@@ -23,15 +23,19 @@ STAGE_TABLES = (CURVE_FILE,)
 """Such tables of cases with stages of loading."""
 
 
-def digests(out: Path, key: Key, states: Sequence[str] = ()) -> dict[str, str | None]:
+def digests(
+    out: Path, key: Key, states: Sequence[str] = (), second: bool = False
+) -> dict[str, str | None]:
     """SHA-256 by file: of a case's own, and of its rows in the tables that cases share.
 
-    `states` are the names of its states after stages of loading.
+    `states` are the names of its states after stages of loading, `second` whether it has a result
+    on a second mesh.
 
     None for a file that is missing or cannot be read.
     """
     found: dict[str, str | None] = {}
-    own = [*CASE_FILES, *(f"{state}/{file}" for state in states for file in CASE_FILES)]
+    folders = [*states, *([SECOND_MESH] if second else [])]
+    own = [*CASE_FILES, *(f"{folder}/{file}" for folder in folders for file in CASE_FILES)]
     for file in own:
         name = f"{'_'.join(key)}/{file}"
         found[name] = _digest((out / name).read_bytes()) if (out / name).is_file() else None

@@ -30,8 +30,8 @@ from calfsocket.simulation.checkpoint import CHECKPOINT_FILE
 from calfsocket.simulation.precompile import precompile
 from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.profile import PROFILE_FILE, Phases, Profile
-from calfsocket.simulation.record import CaseRecord
-from calfsocket.simulation.result import CURVE_FILE, Result
+from calfsocket.simulation.record import CaseRecord, SecondMesh
+from calfsocket.simulation.result import CURVE_FILE, SECOND_MESH, Result
 from calfsocket.simulation.results import KEY, Key, of_case
 from calfsocket.simulation.simulation import Monitor, Simulation, reported, steps_table
 from calfsocket.study.cases import Case, Plan
@@ -69,9 +69,9 @@ class Runner:
         WriteError
             If run.json cannot be written.
         """
-        recorder, cases = self._begin(resume)
+        recorder, cases, first = self._begin(resume)
         if cases:
-            self._solve(cases, recorder, resume)
+            self._solve(cases, first, recorder, resume)
         return bool(self.comm.bcast(recorder.close() if recorder else None, root=0))
 
     def keep(self, result: Result) -> None:
@@ -87,19 +87,29 @@ class Runner:
             key: each for part in self.comm.allgather(self.solved) for key, each in part.items()
         }
 
-    def _begin(self, resume: bool) -> tuple[Recorder | None, tuple[Case, ...]]:
-        """Open the record on rank 0; return it there, and the cases to solve on all ranks."""
+    def _begin(self, resume: bool) -> tuple[Recorder | None, tuple[Case, ...], frozenset[str]]:
+        """Open the record on rank 0; return it there, and the cases to solve on all ranks.
+
+        Of some, by their names, nothing but the second mesh is to be solved.
+        """
         recorder: Recorder | None = None
 
-        def opened() -> list[int]:
+        def opened() -> tuple[list[int], frozenset[str]]:
             nonlocal recorder
             recorder = Recorder(self.plan, self.out, self.comm.size, resume)
-            return [self.plan.cases.index(case) for case in recorder.to_solve]
+            numbers = [self.plan.cases.index(case) for case in recorder.to_solve]
+            return numbers, frozenset(case.name for case in recorder.on_second_mesh)
 
-        numbers = on_first_rank(self.comm, opened)
-        return recorder, tuple(self.plan.cases[number] for number in numbers)
+        numbers, solved = on_first_rank(self.comm, opened)
+        return recorder, tuple(self.plan.cases[number] for number in numbers), solved
 
-    def _solve(self, cases: tuple[Case, ...], recorder: Recorder | None, resume: bool) -> None:
+    def _solve(
+        self,
+        cases: tuple[Case, ...],
+        solved: frozenset[str],
+        recorder: Recorder | None,
+        resume: bool,
+    ) -> None:
         names = [case.name for case in cases]
         console = self.console or Console(stderr=True)
         reporter = Reporter(names, console) if recorder else None
@@ -119,7 +129,8 @@ class Runner:
             scheduler = Scheduler(self.comm, families, self.ranks_per_case, on_report)
             prepared = Prepared()
             while (number := scheduler.next_case()) is not None:
-                runner = _CaseRunner(self, scheduler, cases[number], prepared)
+                case = cases[number]
+                runner = _CaseRunner(self, scheduler, case, prepared, case.name in solved)
                 scheduler.report(runner.attempt(resume))
                 if families.count(families[number]) == 1:
                     prepared.forget()
@@ -130,8 +141,16 @@ class Runner:
 class _CaseRunner(Monitor):
     """One case on its group of ranks: solved, written, and its end agreed upon."""
 
-    def __init__(self, study: Runner, scheduler: Scheduler, case: Case, prepared: Prepared) -> None:
+    def __init__(
+        self,
+        study: Runner,
+        scheduler: Scheduler,
+        case: Case,
+        prepared: Prepared,
+        solved: bool = False,
+    ) -> None:
         self._study, self._scheduler, self._case = study, scheduler, case
+        self._is_solved = solved
         self._prepared = prepared
         self._steps: list[LoadStep] = []
         self._is_root = scheduler.group.rank == 0
@@ -167,6 +186,8 @@ class _CaseRunner(Monitor):
 
     def _solve(self, resume: bool) -> CaseRecord:
         study, case = self._study, self._case
+        if self._is_solved:
+            return self._second(Result.load(study.out / case.name), resume)
         if self._is_root:
             Result.remove(study.out / case.name)
             if not (study.step_fields and resume):
@@ -188,14 +209,62 @@ class _CaseRunner(Monitor):
         result = replace(result, record=result.record.model_copy(update=names))
         if self._is_root:
             self._write(simulation, result)
-            study.keep(result)
             if profile:
                 self._merge(PROFILE_FILE, profile.rows(simulation.phases.seconds))
-        record = result.record
+        seconds = {"seconds": simulation.phases.seconds}
+        result = replace(result, record=result.record.model_copy(update=seconds))
+        if result.solved and self._case.has_mesh_error:
+            return self._second(result, resume)
+        return self._end(result)
+
+    def _end(self, result: Result) -> CaseRecord:
+        """Return the record of what is written."""
+        record, study = result.record, self._study
         how = "solved" if record.solved else f"stopped, {record.message}"
         self.message("; ".join([how, *record.warnings]), record.load, True)
-        files = digests(study.out, case.key, record.states) if self._is_root else {}
-        return record.model_copy(update={"seconds": simulation.phases.seconds, "files": files})
+        if not self._is_root:
+            return record
+        study.keep(result)
+        files = digests(study.out, self._case.key, record.states, record.has_second_mesh)
+        return record.model_copy(update={"files": files})
+
+    def _second(self, result: Result, resume: bool) -> CaseRecord:
+        """Solve the case on a second mesh and write its numbers with their mesh error.
+
+        Where that fails the case is solved all the same, and its record says why it has no error.
+        """
+        study, case = self._study, self._case
+        folder = study.out / case.name
+        own = case.simulation(self._scheduler.group)
+        simulation = case.simulation(own.comm, own.mesh_size.second(result.checks.cells))
+        if self._is_root:
+            Result.remove(folder / SECOND_MESH)
+            (folder / SECOND_MESH).mkdir(exist_ok=True)
+        about, why = SecondMesh(size=simulation.mesh_size.name), ""
+        try:
+            checkpoint = folder / SECOND_MESH / CHECKPOINT_FILE
+            second = simulation.solve(_OnSecondMesh(self), checkpoint, resume)
+            on_both = result.on_second_mesh(second)
+        except Exception as error:
+            why = f"the second mesh ({about.size}): {in_one_line(error)}"
+        if why := self._scheduler.agree(why):
+            about = about.model_copy(update={"message": why})
+        else:
+            result = on_both
+            about = about.model_copy(update={"cells": second.checks.cells})
+        seconds = {
+            **result.record.seconds,
+            SECOND_MESH: sum(simulation.phases.seconds.values()),
+        }
+        update = {"second_mesh": about, "seconds": seconds, "files": {}}
+        result = replace(result, record=result.record.model_copy(update=update))
+        if self._is_root:
+            result.save(folder)
+            self._write_results(result, simulation.phases)
+            if result.second is not None:
+                for path in (folder / SECOND_MESH).glob("checkpoint*.npz"):
+                    path.unlink()
+        return self._end(result)
 
     # -- what it writes -------------------------------------------------------------------------
 
@@ -224,7 +293,9 @@ class _CaseRunner(Monitor):
 
     def _summary(self, state: Result) -> pd.DataFrame:
         """Return the rows of a state in summary.csv."""
-        shares = shares_beyond(state.quantities, state.line, self._study.plan.thresholds)
+        shares = state.with_mesh_error(
+            lambda of: shares_beyond(of.quantities, of.line, self._study.plan.thresholds)
+        )
         return pd.concat([state.summary(), shares]) if len(shares) else state.summary()
 
     def _merge(self, name: str, rows: pd.DataFrame) -> None:
@@ -257,6 +328,26 @@ class _CaseRunner(Monitor):
         if self._is_root:
             with reported(self, step.load, self._troubles):
                 self._merge("steps.csv", steps_table(self._steps))
+
+
+class _OnSecondMesh(Monitor):
+    """Passes on what is said while a case is solved on its second mesh."""
+
+    def __init__(self, of: Monitor) -> None:
+        self._of = of
+
+    def message(self, text: str, load: float | None, milestone: bool = False) -> None:
+        """Pass a remark on."""
+        self._of.message(f"second mesh: {text}", load, milestone)
+
+    def iteration(self, load: float, number: int, residual: float) -> None:
+        """Pass an iteration of Newton's method on."""
+        self._of.iteration(load, number, residual)
+
+    def step(self, step: LoadStep) -> None:
+        """Show a load step."""
+        how = "" if step.newton.converged else f"failed ({step.newton.reason}) after "
+        self.message(f"{how}{step.newton.iterations} iterations", step.load, True)
 
 
 def cells_of(results: Iterable[Result]) -> int:

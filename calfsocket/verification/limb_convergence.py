@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from calfsocket.postprocess.fields import TISSUES, SectionFields
+from calfsocket.postprocess.fields import SectionFields
+from calfsocket.postprocess.levels import level
 from calfsocket.postprocess.quantities import effective_stress
 from calfsocket.verification.report import LOG, Curve, Draw, curves
 
@@ -140,15 +141,11 @@ def stress_quantiles(fields: SectionFields, tissue: str) -> dict[str, float]:
 
     What a maximum by the paper's rule is not: a number of the field that the mesh plays no part in.
     """
-    inside = fields.tissue == TISSUES.index(tissue)
-    corner = fields.points[fields.cells[inside][:, :3]]
-    weight = np.repeat(np.abs(np.linalg.det(corner[:, 1:] - corner[:, :1])), 3)
+    inside = fields.cells_of(tissue)
     stress = effective_stress(fields.stress[inside]).ravel()
-    order = np.argsort(stress)
-    share = 100.0 * np.cumsum(weight[order]) / weight.sum()
-    return {"rms": float(np.sqrt(np.average(stress**2, weights=weight)))} | {
-        f"{q:g} %": float(stress[order][np.searchsorted(share, q)]) for q in QUANTILES
-    }
+    area = fields.gauss_area[inside].ravel()
+    found = {f"{share:g} %": float(level(stress, area, share)) for share in QUANTILES}
+    return {"rms": float(np.sqrt(np.average(stress**2, weights=area))), **found}
 
 
 def figure(table: pd.DataFrame, sizes: Sequence[str], cells: Mapping[str, float]) -> Draw:
