@@ -236,6 +236,6 @@ def test_200_direct_cases_have_the_band_that_40_predict(given):
         values = cases[(cases.tissue == row.tissue) & (cases.quantity == row.quantity)].value
         error = row.sd / np.sqrt(200)
         assert values.mean() == pytest.approx(row.mean, abs=3.5 * error), row
-        assert values.std() == pytest.approx(row.sd, rel=0.25), row
-        # 190 of 200 expected inside, 178 to 199 with a probability of 99.98 %
-        assert 178 <= values.between(row.low, row.high).sum() <= 199, row
+        assert values.std() == pytest.approx(row.sd, rel=0.3), row
+        # 190 of 200 expected inside, 178 or more with a probability of 99.98 %
+        assert values.between(row.low, row.high).sum() >= 178, row

@@ -110,6 +110,24 @@ def test_a_choice_and_bounded_inputs_keep_their_families():
     assert shares.total == pytest.approx(parts / parts.sum(), abs=1e-3)
 
 
+def test_a_product_is_fitted_by_its_logarithm_and_keeps_its_sobol_indices():
+    """y = a^2 b with lognormal a, b: 1 + the part of each is exp(of its logarithm's variance)."""
+    moduli = {"distribution": "lognormal", "mean": 1, "cv": "50 %"}
+    table = inputs(25, a=moduli, b=moduli, c=uniform(0, 1))
+    x, basis = table.drawn, Basis(table.joint)
+    y = x[:, 0] ** 2 * x[:, 1]
+    chaos = fit(basis, x, y)
+    assert chaos.q2 > 0.999
+    own = np.exp(np.log(1.25) * np.array([4.0, 1.0])) - 1
+    variance = (1 + own[0]) * (1 + own[1]) - 1
+    mean = 1.25  # E[a^2] = (E a)^2 (1 + cv^2), E[b] = 1
+    assert chaos.mean == pytest.approx(mean, rel=0.01)
+    assert chaos.variance / chaos.mean**2 == pytest.approx(variance, rel=0.05)
+    shares = Explained(basis)(chaos)
+    assert shares.first[:2] == pytest.approx(own / variance, abs=0.02)
+    assert shares.total[2] == pytest.approx(0, abs=1e-3)
+
+
 def test_noise_is_not_trusted_and_widens_its_band():
     table = inputs(60, a=uniform(0, 1), b=uniform(0, 1))
     noise = np.random.default_rng(1).normal(size=60)

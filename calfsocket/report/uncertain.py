@@ -87,11 +87,14 @@ class Uncertainty:
     def failures(self) -> list[str]:
         """Whether they are random, in words, for each socket and material set with failures."""
         several = len(self.design.groups) > 1
-        return [
-            (f"in {_case(group.base)} " if several else "") + group.failures
-            for group in self.design.groups
-            if group.failures
-        ]
+        found = []
+        for group in self.design.groups:
+            words = group.failures
+            for name, title in self.titles.items():
+                words = words.replace(name, title)
+            if words:
+                found.append((f"in {_case(group.base)} " if several else "") + words)
+        return found
 
     @property
     def warnings(self) -> list[str]:

@@ -84,6 +84,11 @@ class Case:
         return self.socket.name, self.materials.name
 
     @property
+    def has_mesh_error(self) -> bool:
+        """Whether a second mesh is solved, too: not of the many cases of a design."""
+        return self.document.study.mesh_error and self.row is None
+
+    @property
     def geometry(self) -> str:
         """What its mesh depends on: cases that share it are solved one after the other."""
         return self.simulation().geometry

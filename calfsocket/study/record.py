@@ -57,7 +57,7 @@ class Recorder:
         before = earlier.cases if earlier else {}
         kept = [case for case in plan.to_solve if resume and self._is_kept(case, before)]
         self.on_second_mesh = tuple(
-            case for case in kept if plan.mesh_error and not before[case.name].has_second_mesh
+            case for case in kept if case.has_mesh_error and not before[case.name].has_second_mesh
         )
         again = tuple(case for case in plan.to_solve if case not in kept)
         self.to_solve = (*again, *self.on_second_mesh)

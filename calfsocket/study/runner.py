@@ -214,7 +214,7 @@ class _CaseRunner(Monitor):
                 self._merge(PROFILE_FILE, profile.rows(simulation.phases.seconds))
         seconds = {"seconds": simulation.phases.seconds}
         result = replace(result, record=result.record.model_copy(update=seconds))
-        if result.solved and study.plan.mesh_error:
+        if result.solved and self._case.has_mesh_error:
             return self._second(result, resume)
         return self._end(result)
 

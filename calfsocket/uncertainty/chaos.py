@@ -8,6 +8,7 @@ polynomials and selects the terms by least angle regression (Blatman and Sudret 
 doi:10.1016/j.jcp.2010.12.021).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import combinations_with_replacement
@@ -30,6 +31,9 @@ MOST_DEGREE = 12
 
 PATIENCE = 3
 """Degrees that are tried beyond the best one so far."""
+
+PROJECTED, MOST_PROJECTED = 2**12, 300
+"""Points by which the exponential of a chaos is developed, and most terms of it."""
 
 SAMPLE = 2**14
 """Points at which a chaos is evaluated for its quantiles."""
@@ -79,21 +83,22 @@ class Basis:
         cube = uniform_design("sobol", SAMPLE, len(self.joint.names), seed=0)
         return self.germs(self.joint.at(cube))
 
-    def terms(self, degree: int) -> Multi:
-        """Return the exponents of all terms up to a total degree, (terms, d)."""
+    def terms(self, degree: int, among: Sequence[int] | None = None) -> Multi:
+        """Return the exponents of all terms in some inputs up to a total degree, (terms, d)."""
         d = len(self.joint.names)
+        inputs = range(d) if among is None else among
         rows = [
             np.bincount(chosen, minlength=d) if chosen else np.zeros(d, dtype=int)
             for total in range(degree + 1)
-            for chosen in combinations_with_replacement(range(d), total)
+            for chosen in combinations_with_replacement(inputs, total)
         ]
         every = np.array(rows)
         kept = (every <= self._most).all(axis=1)
         # a choice of many values by itself has terms of any degree
         extra = [
             np.eye(d, dtype=int)[i] * k
-            for i, each in enumerate(self.joint.marginals)
-            if each.discrete
+            for i in inputs
+            if self.joint.marginals[i].discrete
             for k in range(degree + 1, self._most[i] + 1)
         ]
         return np.vstack([every[kept], *extra]).astype(np.int64)
@@ -189,8 +194,35 @@ def fit(basis: Basis, values: Array, output: Array) -> Chaos:
     """Fit a chaos to an output (n,) of cases at values of the inputs (n, d).
 
     The degree is that with the largest Q2, by `FOLDS`-fold cross-validation in which terms are
-    selected anew without each part.
+    selected anew without each part. Where all cases are above 0, and the exponential of a chaos of
+    the logarithm predicts them better, it is that, developed in the polynomials in its turn.
     """
+    plain = _fit(basis, values, output)
+    if not output.min() > 0 or not plain.q2 < 1:
+        return plain
+    bent = _fit(basis, values, np.log(output))
+    residuals = output - output * np.exp(-bent.residuals)
+    q2 = 1 - float(np.mean(residuals**2) / np.var(output))
+    return _exponential(bent, residuals, q2) if q2 > plain.q2 else plain
+
+
+def _exponential(bent: Chaos, residuals: Array, q2: float) -> Chaos:
+    """Develop the exponential of a chaos in the polynomials of the inputs that it has."""
+    basis, germs = bent.basis, bent.basis.sample[:PROJECTED]
+    used = [int(i) for i in np.flatnonzero(bent.terms.any(axis=0))]
+    terms = basis.terms(1, used)
+    for degree in range(2, MOST_DEGREE + 1):
+        larger = basis.terms(degree, used)
+        if len(larger) > MOST_PROJECTED:
+            break
+        terms = larger
+    target = np.exp(bent.at_germs(germs))
+    coefficients = np.linalg.lstsq(basis.evaluate(terms, germs), target)[0]
+    return Chaos(basis, terms, coefficients, residuals, q2)
+
+
+def _fit(basis: Basis, values: Array, output: Array) -> Chaos:
+    """Fit a chaos to an output as it is."""
     constant = np.zeros((1, values.shape[1]), dtype=np.int64)
     if np.ptp(output) <= 1e-12 * np.abs(output).max():
         return Chaos(basis, constant, output[:1] * 1.0, np.zeros(len(output)), np.nan)
