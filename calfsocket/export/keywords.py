@@ -25,8 +25,8 @@ FIRST, SMALLEST, LARGEST = 0.1, 1e-5, 0.2
 """Increments of donning as shares of the step; they may be cut back to the smallest."""
 
 SMALL, SMALL_AFTER = 0.02, 0.05
-"""The first and the largest of them in CalculiX where the socket floats: with larger ones its stiff
-friction did not converge (TSB Combined)."""
+"""The first and the largest of them where the socket touches the limb point by point, and in
+CalculiX where it floats: with larger ones its stiff friction did not converge (TSB Combined)."""
 
 MOST_INCREMENTS = 1000
 
@@ -380,9 +380,10 @@ class _Writer:
     @property
     def _increments(self) -> tuple[float, float, float]:
         """First, smallest and largest increment of donning."""
-        if self._is_abaqus or self.case.is_fixed:
-            return FIRST, SMALLEST, LARGEST
-        return SMALL, SMALLEST, SMALL_AFTER
+        floats = not (self._is_abaqus or self.case.is_fixed)
+        if floats or self._is_widened:
+            return SMALL, SMALLEST, SMALL_AFTER
+        return FIRST, SMALLEST, LARGEST
 
     def _widening(self) -> Iterator[str]:
         """Make the socket wide, by a temperature, before it meets the limb."""
