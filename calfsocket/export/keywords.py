@@ -401,8 +401,8 @@ class _Writer:
         )
         if not self._is_abaqus:
             self.remarks.append(
-                "donning: CalculiX did not bring an expanded socket to the end where that was tried;"
-                ' it does with donning = "gap"'
+                "donning: CalculiX did not bring an expanded socket to the end where that was"
+                ' tried; it does with donning = "gap"'
             )
 
     def _outer_face(self, swelling: float) -> Iterator[str]:
