@@ -25,8 +25,8 @@ FIRST, SMALLEST, LARGEST = 0.1, 1e-5, 0.2
 """Increments of donning as shares of the step; they may be cut back to the smallest."""
 
 SMALL, SMALL_AFTER = 0.02, 0.05
-"""The first and the largest of them in CalculiX where the socket floats: with larger ones its stiff
-friction did not converge (TSB Combined)."""
+"""The first and the largest of them where the socket touches the limb point by point, and in
+CalculiX where it floats: with larger ones its stiff friction did not converge (TSB Combined)."""
 
 MOST_INCREMENTS = 1000
 
@@ -380,9 +380,10 @@ class _Writer:
     @property
     def _increments(self) -> tuple[float, float, float]:
         """First, smallest and largest increment of donning."""
-        if self._is_abaqus or self.case.is_fixed:
-            return FIRST, SMALLEST, LARGEST
-        return SMALL, SMALLEST, SMALL_AFTER
+        floats = not (self._is_abaqus or self.case.is_fixed)
+        if floats or self._is_widened:
+            return SMALL, SMALLEST, SMALL_AFTER
+        return FIRST, SMALLEST, LARGEST
 
     def _widening(self) -> Iterator[str]:
         """Make the socket wide, by a temperature, before it meets the limb."""
@@ -398,6 +399,11 @@ class _Writer:
             f"donning: a temperature makes the socket wide, by {100 * swelling:.3g} %, without"
             " stress, in a first step; calfsocket begins with it there"
         )
+        if not self._is_abaqus:
+            self.remarks.append(
+                "donning: CalculiX did not bring an expanded socket to the end where that was"
+                ' tried; it does with donning = "gap"'
+            )
 
     def _outer_face(self, swelling: float) -> Iterator[str]:
         """Move a fixed outer face with a socket that is wide."""
