@@ -225,7 +225,8 @@ def loads(e: Evidence) -> list[str]:
 
 def stages(e: Evidence) -> list[str]:
     """Return the names of the stages of loading, which come after what the claims are on."""
-    return list(dict.fromkeys(name for case in e.results.values() for name in case.record.states))
+    records = e.results.records.values()
+    return list(dict.fromkeys(name for record in records for name in record.states))
 
 
 def gradual_overclosure(e: Evidence) -> Fact:
