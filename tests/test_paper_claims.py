@@ -260,6 +260,18 @@ def test_choices_of_the_study_are_named():
     assert board.verdict["C021"] == HOLDS
 
 
+def test_a_study_with_loads_after_donning_is_judged_without_them(six_results):
+    assert check("C008", evidence(six_results))["ours"].startswith("mid-calf; no input of the")
+    loaded = six_results.only(six_results)
+    loaded.records = {
+        key: record.model_copy(update={"states": ("push", "night")})
+        for key, record in six_results.records.items()
+    }
+    found = check("C008", evidence(loaded))
+    assert found["verdict"] == HOLDS
+    assert found["ours"] == "mid-calf; the donned socket, before its loads (push, night)"
+
+
 def test_muscle_beyond_its_threshold_in_one_socket_only(six_results):
     assert verdict("C091", six_results) == FAILS  # in none
     one = with_value(six_results, ("HS", "separate"), "muscle", "shear_log_strain", -60.0)

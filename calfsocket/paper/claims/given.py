@@ -228,6 +228,12 @@ def loads(e: Evidence) -> list[str]:
     return [name for name in e.settings if any(word in name for word in LOADS)]
 
 
+def stages(e: Evidence) -> list[str]:
+    """Return the names of the stages of loading, which come after what the claims are on."""
+    records = e.results.records.values()
+    return list(dict.fromkeys(name for record in records for name in record.states))
+
+
 def gradual_overclosure(e: Evidence) -> Fact:
     """Return whether the overclosure is the only load and is resolved over increments."""
     reached = [result.steps.load[result.steps.converged] for result in e.results.values()]
