@@ -207,7 +207,8 @@ def test_the_method_has_settings_in_words(six_results):
 
 def test_command_writes_the_report_with_the_thresholds_asked_for(monkeypatch, capsys):
     asked = []
-    monkeypatch.setattr(results, "load_results", lambda folder: folder)
+    found = lambda folder: SimpleNamespace(shared=lambda _: folder)  # noqa: E731
+    monkeypatch.setattr(results, "load_results", found)
     monkeypatch.setattr(command, "write", lambda _, *given: asked.append(given) or "page")
     assert cli.main(["report", "here", "--muscle-shear", "40", "--fascia-strain", "20"]) == 0
     assert asked == [(Path("here"), DamageThresholds(muscle_shear_pct=40, fascia_strain_pct=20))]

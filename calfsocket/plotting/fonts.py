@@ -6,7 +6,6 @@ from functools import cache
 from io import BytesIO
 from typing import Any
 
-from fontTools import subset
 from matplotlib.backends import _backend_pdf_ps as backend
 
 LETTERS = frozenset(
@@ -39,10 +38,10 @@ class _Font:
 
 @cache
 def _font(path: str) -> _Font:
-    options = subset.Options(glyph_names=True, recommended_glyphs=True)
+    options = backend.subset.Options(glyph_names=True, recommended_glyphs=True)
     options.drop_tables += LAYOUT
-    with subset.load_font(path, options) as font:
-        cutter = subset.Subsetter(options)
+    with backend.subset.load_font(path, options) as font:
+        cutter = backend.subset.Subsetter(options)
         cutter.populate(text="".join(sorted(LETTERS)))
         cutter.subset(font)
         return _Font(backend.font_as_file(font).getvalue())
