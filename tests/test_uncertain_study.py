@@ -237,5 +237,5 @@ def test_200_direct_cases_have_the_band_that_40_predict(given):
         error = row.sd / np.sqrt(200)
         assert values.mean() == pytest.approx(row.mean, abs=3.5 * error), row
         assert values.std() == pytest.approx(row.sd, rel=0.3), row
-        # 190 of 200 expected inside, 178 or more with a probability of 99.98 %
-        assert values.between(row.low, row.high).sum() >= 178, row
+        # 190 of 200 expected inside: chance takes 12 of these, and the ends of a band from 40 cases
+        assert values.between(row.low, row.high).sum() >= 170, row

@@ -166,11 +166,6 @@ class Plan:
         return tuple(each.threshold() for each in self.document.thresholds)
 
     @property
-    def mesh_error(self) -> bool:
-        """Whether each case is solved on a second mesh, too."""
-        return self.document.study.mesh_error
-
-    @property
     def notices(self) -> list[str]:
         """What whoever wrote the files should know of limb and sockets, a line each."""
         lines = [f"limb: {notice}" for notice in self.limb.notices()]
