@@ -43,6 +43,7 @@ DISTRIBUTION_OF = {
         "dolfinx-solver-real",
     ),
     "PIL": "pillow",
+    "fontTools": "fonttools",
     "pydantic_core": "pydantic",
     "vtkmodules": "vtk",
 }

@@ -16,7 +16,8 @@ LETTERS = frozenset(
 LAYOUT = ["FFTM", "GDEF", "GPOS", "GSUB", "kern"]
 """Tables of rules for setting text, which a PDF does not use: half of the work."""
 
-_cut = backend.get_glyphs_subset
+# A private name of matplotlib 3.10: later releases cut each figure's fonts by themselves.
+_cut = getattr(backend, "get_glyphs_subset", None)
 
 
 class _Font:
@@ -55,6 +56,9 @@ def _shared(path: str, letters: Any) -> Any:
 @contextmanager
 def cut_once() -> Iterator[None]:
     """Let PDF files share cut fonts, so that a file depends on its own letters alone."""
+    if _cut is None:
+        yield
+        return
     backend.get_glyphs_subset = _shared
     try:
         yield
