@@ -17,7 +17,7 @@ LAYOUT = ["FFTM", "GDEF", "GPOS", "GSUB", "kern"]
 """Tables of rules for setting text, which a PDF does not use: half of the work."""
 
 # A private name of matplotlib 3.10: later releases cut each figure's fonts by themselves.
-_cut = getattr(backend, "get_glyphs_subset", None)
+_cut: Any = getattr(backend, "get_glyphs_subset", None)
 
 
 class _Font:
