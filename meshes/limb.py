@@ -14,7 +14,6 @@ from pydantic import (
     Field,
     PositiveFloat,
     PositiveInt,
-    PrivateAttr,
     field_validator,
     model_validator,
 )
@@ -309,11 +308,12 @@ class Limb(Strict):
             raise InputError(f"{path}: limbs are JSON files; use a name that ends in .json")
         write_json(path, self.model_dump(mode="json", exclude_defaults=True))
 
-    _is_checked: bool = PrivateAttr(default=False)
-
     @model_validator(mode="after")
     def _consistent(self) -> "Limb":
-        if self._is_checked:  # pydantic asks again where a limb becomes a part of another model
+        # Pydantic asks again where a limb becomes a part of another model: the same parts are
+        # checked once. They are noted outside the fields, so that equal limbs stay equal.
+        parts = [id(getattr(self, name)) for name in type(self).model_fields]
+        if self.__dict__.get("_checked") == parts:
             return self
         for problem in self._problems():
             raise ValueError(problem)
@@ -321,7 +321,7 @@ class Limb(Strict):
         _check_nesting(self, loops)
         _check_areas(self, loops)
         _check_frame(self, loops)
-        self._is_checked = True
+        self.__dict__["_checked"] = parts
         return self
 
     def _problems(self) -> Iterator[str]:

@@ -32,6 +32,7 @@ from calfsocket.materials.law import Law
 from calfsocket.materials.tissues import FASCIA, VESSEL
 from calfsocket.meshes import tags
 from calfsocket.meshes.quality import areas
+from calfsocket.simulation.simulation import Monitor
 from tiny_study import tiny_limb, tiny_socket
 
 DIALECTS = {"abaqus": keywords.ABAQUS, "calculix": keywords.CALCULIX}
@@ -51,7 +52,8 @@ MATERIALS = MaterialSet.paper("separate").replace(muscle=FASCIA, skin=VESSEL)
 
 def exported(**changes: object) -> ExportedCase:
     arguments = {"materials": MATERIALS, "mesh_size": "coarse", **changes}
-    return Simulation(tiny_limb(), tiny_socket("C"), **arguments)._exported()  # type: ignore[arg-type]
+    case = Simulation(tiny_limb(), tiny_socket("C"), **arguments)  # type: ignore[arg-type]
+    return case._exported(*case._refined(Monitor()))
 
 
 @pytest.fixture(scope="module")

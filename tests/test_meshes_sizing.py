@@ -90,7 +90,7 @@ def test_what_is_near_is_the_same_by_blocks_as_from_every_point(reach):
     """Whatever the reach, and where the last blocks are not whole."""
     t = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
     points = np.stack([9.3 * np.cos(t), 4.1 * np.sin(t)], axis=1)
-    around = sizing._Surroundings(points)
+    around = sizing.Surroundings(points)
     assert any(n % BLOCK for n in around._grid.shape[:2])
     distance, nearest = around._within(reach)
     wanted = cKDTree(points).query(around._grid, distance_upper_bound=reach)[0]

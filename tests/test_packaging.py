@@ -43,7 +43,6 @@ DISTRIBUTION_OF = {
         "dolfinx-solver-real",
     ),
     "PIL": "pillow",
-    "fontTools": "fonttools",
     "pydantic_core": "pydantic",
     "vtkmodules": "vtk",
 }

@@ -90,7 +90,7 @@ def test_a_study_without_the_papers_cases_is_not_compared_with_the_paper(custom)
     assert not (custom / "tables" / "scoreboard.csv").exists()
     assert not (custom / "tables" / "table2.csv").exists()
     assert sorted(path.stem for path in (custom / "tables").glob("*.csv")) == [
-        "cases", "damage", "laws", "maxima", "settings", "sweep", "thresholds", "versions"
+        "cases", "damage", "laws", "levels", "maxima", "settings", "sweep", "thresholds", "versions"
     ]  # fmt: skip
     headings = re.findall(r"<h2>(.*?)</h2>", page)
     assert headings == ["The answer", "The model", "The cases side by side", "Stress", "Strain",

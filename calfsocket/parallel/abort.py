@@ -19,6 +19,9 @@ PATIENCE_S = 5.0
 LISTENING_S = 0.5
 """How long a failed rank lets another print the message instead; mpirun kills after a second."""
 
+ARRIVAL_S = 0.05
+"""How long the first rank looks for such a message: one probe may only make it arrive."""
+
 REPEAT_S = 0.01
 """After what time a signal is sent again that Python has dropped."""
 
@@ -94,7 +97,7 @@ def _notify_others(comm: "MPI.Intracomm", tag: int) -> None:
 
 def _another_reports(comm: "MPI.Intracomm") -> bool:
     """Return whether another rank has printed, or a lower one is about to."""
-    deadline = time.monotonic() + (LISTENING_S if comm.rank > 0 else 0.0)
+    deadline = time.monotonic() + (LISTENING_S if comm.rank > 0 else ARRIVAL_S)
     while True:
         if comm.iprobe(tag=_REPORTING) or any(
             comm.iprobe(source=rank, tag=_FAILED) for rank in range(comm.rank)
