@@ -38,7 +38,7 @@ class WantedSizes:
 class Refinement:
     """Wanted sizes of the two bodies, which overlap in space."""
 
-    first: MeshSize  #: of the mesh that was solved
+    bound: MeshSize  #: which no triangle exceeds
     limb: WantedSizes
     socket: WantedSizes
 
@@ -78,19 +78,19 @@ class Refinement:
                 points[cells].reshape(-1, 2), np.repeat(sizes[cells], len(SUBDIVISION))
             )
 
-        return cls(size.first, *map(wanted, bodies))
+        return cls(size.bound, *map(wanted, bodies))
 
 
 class RefinedSizes:
-    """Element sizes of a body as a solution on a mesh of `first` asks for them, and not larger."""
+    """Element sizes of a body as a solution asks for them, and not larger than a bound."""
 
-    def __init__(self, first: MeshSize, before: Sizes, wanted: WantedSizes) -> None:
-        self._first, self._sizes = first, wanted.sizes
-        self._before = before.field(first)
-        self._around = Surroundings(wanted.points, self._before)
+    def __init__(self, bound: MeshSize, own: Sizes, wanted: WantedSizes) -> None:
+        self._size, self._wanted = bound, wanted.sizes
+        self._bound = own.field(bound)
+        self._around = Surroundings(wanted.points, self._bound)
 
     def field(self, size: MeshSize) -> SizeField:
-        """Return the field of the first size, scaled."""
-        factor = size.largest / self._first.largest
-        field = self._around.spread(factor * self._sizes, size)
-        return replace(field, values=np.minimum(field.values, self._before.values))
+        """Return the wanted sizes, scaled as this size is."""
+        factor = size.largest / self._size.largest
+        field = self._around.spread(factor * self._wanted, size)
+        return replace(field, values=np.minimum(field.values, self._bound.values))

@@ -116,9 +116,9 @@ class _Section:
         self._limb_sizes: Sizes = sizing.LimbSizes(loops, meets)
         self._socket_sizes: Sizes = sizing.SocketSizes(*faces)
         if refinement is not None:
-            self._limb_sizes = RefinedSizes(refinement.first, self._limb_sizes, refinement.limb)
+            self._limb_sizes = RefinedSizes(refinement.bound, self._limb_sizes, refinement.limb)
             self._socket_sizes = RefinedSizes(
-                refinement.first, self._socket_sizes, refinement.socket
+                refinement.bound, self._socket_sizes, refinement.socket
             )
         self._fields: tuple[MeshSize | None, tuple[SizeField, SizeField] | None] = (None, None)
 

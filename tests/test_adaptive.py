@@ -133,8 +133,8 @@ def test_the_last_digits_of_a_solution_do_not_reach_the_sides(first):
 def test_without_an_error_the_field_is_that_of_the_first_mesh(first):
     none = Refinement.of(first.coordinates, np.zeros(len(first.cells)), bodies(first), SIZE)
     before = LimbSizes(limb_curves(tiny_limb()), tiny_limb().contact_boundary)
-    field = RefinedSizes(SIZE.first, before, none.limb).field(SIZE.first)
-    assert np.all(field.values <= before.field(SIZE.first).values)
+    field = RefinedSizes(SIZE.bound, before, none.limb).field(SIZE.bound)
+    assert np.all(field.values <= before.field(SIZE.bound).values)
 
 
 def test_triangles_are_small_where_the_error_is(first):
@@ -211,10 +211,12 @@ def test_cases_share_a_refined_mesh_only_where_all_is_the_same(monkeypatch):
 def test_a_first_solution_that_stops_refines_as_of_there():
     remarks = Remarks()
     stopped = simulated(contact=Contact(friction=0.0), steps=LoadSteps(smallest=0.05))
-    with pytest.raises(ConvergenceError) as caught:
-        stopped.solve(remarks)
+    try:
+        result = stopped.solve(remarks)
+    except ConvergenceError as error:  # the second one may stop, too
+        result = error.result
     assert any("first solution stopped" in text for text in remarks.texts)
-    assert len(caught.value.result.fields.cells) <= SIZE.triangles
+    assert len(result.fields.cells) <= SIZE.triangles
 
 
 PROGRAM = """
