@@ -79,11 +79,15 @@ def limb_problem(
 
 def contact_surfaces(section: SectionMesh) -> tuple[str, str]:
     """Return the boundary of the limb's side in contact, and that of the socket's (collective)."""
-    if tags.LINER not in section.regions:
-        return tags.SKIN_SURFACE, tags.SOCKET_INNER
-    if bonded_to_limb(section):
-        return tags.LINER_SURFACE, tags.SOCKET_INNER
-    return tags.SKIN_SURFACE, tags.LINER_SURFACE
+    return surfaces_with(tags.LINER in section.regions, bonded_to_limb(section))
+
+
+def surfaces_with(liner: bool, on_limb: bool) -> tuple[str, str]:
+    """Return the names of these boundaries, with or without a liner, on the limb or the socket."""
+    return (
+        tags.LINER_SURFACE if liner and on_limb else tags.SKIN_SURFACE,
+        tags.LINER_SURFACE if liner and not on_limb else tags.SOCKET_INNER,
+    )
 
 
 def bonded_to_limb(section: SectionMesh) -> bool:

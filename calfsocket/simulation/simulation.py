@@ -21,7 +21,7 @@ from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.materials.tissues import SOCKET
 from calfsocket.mechanics.donning import DONNINGS, SUPPORTS, Donning, SocketSupport
-from calfsocket.mechanics.limb_problem import limb_problem
+from calfsocket.mechanics.limb_problem import limb_problem, surfaces_with
 from calfsocket.mechanics.load_steps import LoadSteps
 from calfsocket.mechanics.loading import Loading, Stage
 from calfsocket.mechanics.stages import StageMilestone, StageStepper
@@ -369,21 +369,13 @@ class Simulation:
         from calfsocket.export.case import ExportedCase
 
         liner = self.liner
-        surfaces = tags.SKIN_SURFACE, tags.SOCKET_INNER
-        if liner:
-            on_limb = liner.bonded == "limb"
-            surfaces = (
-                (tags.LINER_SURFACE, tags.SOCKET_INNER)
-                if on_limb
-                else (tags.SKIN_SURFACE, tags.LINER_SURFACE)
-            )
         return ExportedCase(
             title=f"{self.socket.name} {self.materials.name}, {self.mesh_size.name} mesh",
             mesh=build(self.limb, self.socket, size, liner, refinement),
             tissues=self._tissues,
             laws=self.region_laws,
             contact=self.contact,
-            surfaces=surfaces,
+            surfaces=surfaces_with(liner is not None, liner is not None and liner.bonded == "limb"),
             support=self.support,
             donning=self.donning,
             frame=self.limb.frame,

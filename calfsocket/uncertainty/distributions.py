@@ -71,6 +71,10 @@ class Distribution(Strict):
         value = getattr(self, key, None)
         return None if value is None else number(value, self.unit)
 
+    def numbers(self, *keys: str) -> tuple[float, ...]:
+        """Return values in the unit of the input, 0 where the file has none."""
+        return tuple(self.get(key) or 0.0 for key in keys)
+
     @property
     def terms(self) -> int:
         """Terms of a linear chaos in this input alone, without the constant."""
@@ -311,7 +315,7 @@ class Uniform(Distribution):
         """Return the distribution of (x - centre)/scale."""
         import openturns as ot
 
-        low, high = (((self.get(key) or 0.0) - centre) / scale for key in ("low", "high"))
+        low, high = ((value - centre) / scale for value in self.numbers("low", "high"))
         return ot.Uniform(low, high)
 
     @property
@@ -336,7 +340,7 @@ class Triangular(Distribution):
 
     def _check(self) -> None:
         _check_order(self, "low", "high")
-        low, mode, high = (self.get(key) or 0.0 for key in ("low", "mode", "high"))
+        low, mode, high = self.numbers("low", "mode", "high")
         if not low <= mode <= high:
             raise ValueError(f"mode is {self.mode!r}; it must be from low to high")
 
@@ -344,7 +348,7 @@ class Triangular(Distribution):
         """Return the distribution of (x - centre)/scale."""
         import openturns as ot
 
-        values = (((self.get(key) or 0.0) - centre) / scale for key in ("low", "mode", "high"))
+        values = ((value - centre) / scale for value in self.numbers("low", "mode", "high"))
         return ot.Triangular(*values)
 
     @property
@@ -373,7 +377,7 @@ class Beta(_Spread):
     def _check(self) -> None:
         self._check_spread()
         _check_order(self, "low", "high")
-        low, mean, high = (self.get(key) or 0.0 for key in ("low", "mean", "high"))
+        low, mean, high = self.numbers("low", "mean", "high")
         if not low < mean < high:
             raise ValueError(f"mean is {self.mean!r}; it must be between low and high")
         if self.deviation**2 >= (mean - low) * (high - mean):
@@ -385,7 +389,7 @@ class Beta(_Spread):
         """Return the distribution of (x - centre)/scale."""
         import openturns as ot
 
-        low, mean, high = (self.get(key) or 0.0 for key in ("low", "mean", "high"))
+        low, mean, high = self.numbers("low", "mean", "high")
         share = (mean - low) / (high - low)
         both = share * (1 - share) * ((high - low) / self.deviation) ** 2 - 1
         ends = (low - centre) / scale, (high - centre) / scale
