@@ -117,6 +117,29 @@ def start(subject: Subject) -> Numbers:
     }
 
 
+def compiled(subject: Subject) -> Numbers:
+    """Time with nothing compiled: until something happens, and of the paper's runs with all else.
+
+    These runs are coarse, so that compiling counts.
+    """
+    with (
+        subject.study(ONE.format(size="coarse"), "--no-pictures", "--no-report", *MONITOR) as (
+            words,
+            _,
+        ),
+        tempfile.TemporaryDirectory() as cache,
+    ):
+        first = subject.ended(words, iterations=FIRST, XDG_CACHE_HOME=cache).iterations[-1]
+    with tempfile.TemporaryDirectory() as out, tempfile.TemporaryDirectory() as cache:
+        words = ["--size", "coarse", "--sockets", subject.problems.sockets, "--out", f"{out}/all"]
+        whole = subject.ended(words, ranks=2, XDG_CACHE_HOME=cache)
+    runs = 2 * len(subject.problems.sockets.split(","))
+    return {
+        "first_iteration_coarse_with_nothing_compiled_s": first[1],
+        f"{runs}_runs_coarse_two_ranks_with_nothing_compiled_wall_s": whole.wall,
+    }
+
+
 @contextmanager
 def _new_cache() -> Iterator[str]:
     """Give a user's cache that has compiled forms, and no meshes."""
@@ -232,4 +255,6 @@ def _one(ended: Ended, column: int) -> float:
     return (times[-1] - times[1]) / (len(times) - 2)
 
 
-SUBJECTS = {each.__name__: each for each in (start, mesh, sweep, solution, study, growth, ranks)}
+SUBJECTS = {
+    each.__name__: each for each in (start, compiled, mesh, sweep, solution, study, growth, ranks)
+}

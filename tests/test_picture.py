@@ -78,7 +78,8 @@ def test_a_field_is_sampled_where_it_is_and_only_in_its_cells():
     x, y = np.moveaxis(fields.points[fields.cells], -1, 0)
     window = (-48.0, 48.0, -48.0, 48.0)
     raster = Raster.of(fields.deformed[fields.cells[muscle]], window, 240)
-    image = raster.image((2 * x - 3 * y)[muscle])
+    image = np.ma.masked_all(raster.shape)
+    image.ravel()[raster.pixels] = raster.sampled((2 * x - 3 * y)[muscle])
     centre = (np.arange(240) + 0.5) * 0.4 - 48
     x, y = np.meshgrid(centre, centre)
     radius = np.hypot(x, y)

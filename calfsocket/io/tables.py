@@ -1,6 +1,9 @@
 """CSV tables that several cases share, each case with rows of its own."""
 
-from collections.abc import Collection, Sequence
+import csv
+import io
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,70 @@ from calfsocket.io.errors import WriteError, in_one_line
 from calfsocket.io.files import locked, replacing
 
 FLOAT_FORMAT = "%.10g"
+
+Name = tuple[str, ...]
+"""Values of the columns that name a case."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a CSV as texts, which pandas takes many times as long to read and to write."""
+
+    columns: list[str]
+    rows: list[list[str]]
+
+    @classmethod
+    def read(cls, path: Path) -> "Rows":
+        """Read a file.
+
+        Raises
+        ------
+        OSError, ValueError
+            When it cannot be read, or is no table.
+        """
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            try:
+                columns, *rows = filter(None, csv.reader(file, strict=True))
+            except csv.Error as error:
+                raise ValueError(str(error)) from None
+        if any(len(row) != len(columns) for row in rows):
+            raise ValueError("rows differ in length")
+        return cls(columns, rows)
+
+    def names(self, key: Sequence[str]) -> list[Name]:
+        """Return the name of the case of each row.
+
+        Raises
+        ------
+        ValueError
+            When a column of the key is missing.
+        """
+        places = [self.columns.index(column) for column in key]
+        return [tuple(row[place] for place in places) for row in self.rows]
+
+    def of(self, key: Sequence[str], cases: Collection[Name], others: bool = False) -> "Rows":
+        """Return the rows of some cases, or those of all others."""
+        chosen = zip(self.rows, self.names(key), strict=True)
+        return Rows(self.columns, [row for row, name in chosen if (name in cases) != others])
+
+    def under(self, columns: Sequence[str]) -> "Rows":
+        """Return the rows with other columns; what they lack is empty."""
+        if list(columns) == self.columns:
+            return self
+        place = {column: i for i, column in enumerate(self.columns)}
+        at = [place.get(column, len(self.columns)) for column in columns]
+        return Rows(list(columns), [[[*row, ""][i] for i in at] for row in self.rows])
+
+    def text(self) -> str:
+        """Return the file's text."""
+        buffer = io.StringIO()
+        csv.writer(buffer, lineterminator="\n").writerows([self.columns, *self.rows])
+        return buffer.getvalue()
+
+    def write(self, path: Path) -> None:
+        """Write the file, in one step."""
+        with replacing(path) as temporary:
+            temporary.write_text(self.text(), encoding="utf-8", newline="")
 
 
 def _text(value: object) -> str:
@@ -34,47 +101,39 @@ def merge_csv(
     order
         Cases in the study's order; others come last, in order of name.
     """
-    path, key = Path(path), list(key)
-    new = rows.map(_text)
-    cases = set(new[key].itertuples(index=False, name=None))
+    path = Path(path)
+    columns = [map(_text, rows.iloc[:, i].tolist()) for i in range(rows.shape[1])]
+    new = Rows(list(rows.columns), list(map(list, zip(*columns, strict=True))))
     rank = {case: place for place, case in enumerate(order)}
     with locked(path.parent):
-        merged = new
+        every = new
         if path.exists():
-            others = _of_others(_read_table(path, key), key, cases)
-            merged = pd.concat([new, others], ignore_index=True).fillna("")
-        names = [tuple(case) for case in merged[key].itertuples(index=False, name=None)]
+            others = _read_table(path, key).of(key, set(new.names(key)), others=True)
+            both = list(dict.fromkeys([*new.columns, *others.columns]))
+            every = Rows(both, [*new.under(both).rows, *others.under(both).rows])
+        names = every.names(key)
         places = sorted(range(len(names)), key=lambda i: (rank.get(names[i], len(rank)), names[i]))
-        with replacing(path) as temporary:
-            merged.iloc[places].to_csv(temporary, index=False)
+        Rows(every.columns, [every.rows[place] for place in places]).write(path)
 
 
-def remove_rows(path: Path, key: Sequence[str], cases: Collection[tuple[str, ...]]) -> None:
+def remove_rows(path: Path, key: Sequence[str], cases: Iterable[Name]) -> None:
     """Remove the rows of cases from a CSV that several cases share, if there is one."""
-    path, key = Path(path), list(key)
+    path = Path(path)
     with locked(path.parent):
         if not path.exists():
             return
         old = _read_table(path, key)
-        others = _of_others(old, key, cases)
-        if len(others) < len(old):
-            with replacing(path) as temporary:
-                others.to_csv(temporary, index=False)
+        others = old.of(key, set(cases), others=True)
+        if len(others.rows) < len(old.rows):
+            others.write(path)
 
 
-def _of_others(
-    table: pd.DataFrame, key: list[str], cases: Collection[tuple[str, ...]]
-) -> pd.DataFrame:
-    names = table[key].itertuples(index=False, name=None)
-    return table[[case not in cases for case in names]]
-
-
-def _read_table(path: Path, key: Sequence[str]) -> pd.DataFrame:
+def _read_table(path: Path, key: Sequence[str]) -> Rows:
     """Read a CSV as text; raise a WriteError when it has not the columns of `key`."""
     try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-        table[key]
-    except (ValueError, KeyError) as error:
+        table = Rows.read(path)
+        table.names(key)
+    except ValueError as error:
         raise WriteError(
             f"{path}: is not the table that this run wrote; move it away, or restore it "
             f"({in_one_line(error)})"

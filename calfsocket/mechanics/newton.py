@@ -10,6 +10,16 @@ from petsc4py import PETSc
 from calfsocket.contact.active_set import ActiveSet
 from calfsocket.io.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
 
+CLOSE = 100.0
+"""Times the tolerance: a larger residual may come from contact that is about to change."""
+
+LEFT = 0.1
+"""Share of the tolerance that the square of a residual over the one before may be, where the
+tangent of the iterate before serves again.
+
+An iteration that leaves r of a residual R has met a tangent that changes by some 2 r/R on its way,
+so that with the old one the next iteration leaves 2 r^2/R: it converges as with a new one."""
+
 
 class System(Protocol):
     """What Newton's method needs of a problem; every method is collective."""
@@ -122,11 +132,10 @@ class Newton:
             self._first = self._create_snes(snes_linesearch_type="basic")
 
     def _create_snes(self, **changed: str) -> PETSc.SNES:
-        problem = self.problem
         snes = PETSc.SNES().create(self.x.getComm())
         snes.setOptionsPrefix(OPTIONS_PREFIX)
         snes.setFunction(self._residual, self._f)
-        snes.setJacobian(lambda snes, x, A, P: problem.tangent(x, A), self.tangent)
+        snes.setJacobian(self._tangent, self.tangent)
         snes.setMonitor(self._record)
         with defaults(**changed):
             snes.setFromOptions()
@@ -144,6 +153,18 @@ class Newton:
             return
         if f.norm() <= snes.getTolerances()[1] and self._active_set.release():
             self.problem.residual(x, f)
+
+    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
+        """Compute the tangent, unless that of the iterate before leads to the equilibrium.
+
+        Its factors then serve again, too: in the last iteration of most solves.
+        """
+        tolerance = snes.getTolerances()[1]
+        if len(self._history) > 1:
+            before, here = self._history[-2:]
+            if here <= CLOSE * tolerance and here**2 <= LEFT * tolerance * before:
+                return
+        self.problem.tangent(x, A)
 
     def solve(self, ahead: bool = False) -> NewtonResult:
         """Solve from the present `x`, which holds the last iterate afterwards (collective).
@@ -224,6 +245,8 @@ class Newton:
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
         factor = pc.getFactorMatrix()
+        # Minimum fill: of one factorisation, PORD's analysis is most of the time.
+        factor.setMumpsIcntl(7, 2)
         factor.setMumpsIcntl(24, 1)  # detect null pivots, which inertia needs
         factor.setMumpsIcntl(13, 1)  # no ScaLAPACK on the root: it would hide negative pivots
         factor.setMumpsIcntl(14, int(DEFAULT_OPTIONS["mat_mumps_icntl_14"]))

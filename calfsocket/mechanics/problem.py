@@ -1,6 +1,6 @@
 """Bodies in equilibrium: mesh, laws, constraints, loads and contact, as residual and tangent."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -130,6 +130,7 @@ class Problem:
             self._contact = contact.kind(self.w, section, laws, self.fields, contact)
         self.carrier: Carrier | None = None
         self._layout: Layout | None = None
+        self._expressions: dict[str, tuple[Hashable, fem.Expression]] = {}
         self._load = 0.0
 
     def restart(self, laws: Mapping[str, Law], contact: Contact | None = None) -> None:
@@ -399,15 +400,35 @@ class Problem:
         force, pressing = self.contact.force(state)
         return float(np.linalg.norm(force + self.reaction(boundary)[0])), pressing
 
+    def evaluate(
+        self,
+        name: str,
+        make: Callable[[], Any],
+        points: FloatArray,
+        cells: NDArray[np.int32],
+        of: Hashable = None,
+    ) -> FloatArray:
+        """Evaluate an expression at points of cells, as `io.fenics.evaluate` does (collective).
+
+        It is made and compiled when a name is first evaluated, and again when it is made `of`
+        something else.
+        """
+        known = self._expressions.get(name)
+        if known is None or known[0] != of:
+            known = of, fem.Expression(make(), points, comm=self.comm)
+            self._expressions[name] = known
+        return evaluate(known[1], self.section.mesh, cells)
+
     def elastic_gradients(self) -> FloatArray:
         """In-plane Fe = F G^-1 at the quadrature points of the owned cells (collective).
 
         Of shape (m, q, 2, 2); F itself where no region has a stress-free state G of its own.
         """
         points = quadrature()[0]
-        F = fem.Expression(deformation_gradient(ufl.split(self.w)[0]), points, self.comm)
         cells = np.arange(self.section.mesh.topology.index_map(2).size_local, dtype=np.int32)
-        gradients = evaluate(F, self.section.mesh, cells)
+        gradients = self.evaluate(
+            "F", lambda: deformation_gradient(ufl.split(self.w)[0]), points, cells
+        )
         gradients = gradients.reshape(len(cells), len(points), 2, 2)
         state = self.fields.stress_free
         return gradients if state.tensor is None else gradients @ np.linalg.inv(state.at(points))

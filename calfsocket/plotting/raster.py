@@ -73,27 +73,29 @@ class Raster:
         start = origin + first * across + row * up
         return cls(shape, row * pixels + first, count, triangle // 4, start, across)
 
-    def image(self, values: NDArray[np.float64]) -> np.ma.MaskedArray:
-        """Return a field, at the six nodes of every cell (n_cells, 6), masked outside the cells."""
+    def sampled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a field, at the six nodes of every cell (n_cells, 6), at each of `pixels`."""
         one, r, s, rr, rs, ss = (values @ _COEFFICIENTS.T)[self.cell].T
         (r0, s0), (dr, ds) = self.start, self.step
         constant = one + r0 * (r + r0 * rr + s0 * rs) + s0 * (s + s0 * ss)
         linear = dr * (r + 2 * r0 * rr + s0 * rs) + ds * (s + r0 * rs + 2 * s0 * ss)
         square = dr * (dr * rr + ds * rs) + ds * ds * ss
-        pixel, column = self._pixels
+        column = self._columns
         found = np.repeat(square, self.count)  # in place: pictures have millions of pixels
         for each in (linear, constant):
             found *= column
             found += np.repeat(each, self.count)
-        shown = np.full(self.shape, np.nan)
-        shown.ravel()[pixel] = found
-        return np.ma.masked_invalid(shown, copy=False)
+        return found
 
     @cached_property
-    def _pixels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Index of every pixel, and its place in its run."""
-        _, pixel = _ranges(self.first, self.count)
-        return pixel, pixel - np.repeat(self.first, self.count)
+    def pixels(self) -> NDArray[np.int64]:
+        """Index into the image's ravel() of every pixel in a run, run by run."""
+        return _ranges(self.first, self.count)[1]
+
+    @cached_property
+    def _columns(self) -> NDArray[np.int64]:
+        """Place of every pixel in its run."""
+        return self.pixels - np.repeat(self.first, self.count)
 
 
 def _ranges(
@@ -152,28 +154,32 @@ def _local(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.f
 class FieldImage(Artist):
     """A field in colours over all of its axes, white where there is no value.
 
+    It is made of the pixels in cells and the values there, as of `Raster.sampled`.
+
     Its pixels are those of the figure at its resolution, in every kind of file: what has as many
     is shown as it is, and more are averaged, once.
     """
 
-    def __init__(self, values: np.ma.MaskedArray, scale: ScalarMappable) -> None:
+    def __init__(self, raster: Raster, values: NDArray[np.float64], scale: ScalarMappable) -> None:
         super().__init__()
-        self.values, self.scale = values, scale
+        self.raster, self.values, self.scale = raster, values, scale
         self.set_zorder(-1)  # below all else, of which it would hide what is outside the cells
 
     @cached_property
-    def picture(self) -> Image.Image:
-        """The colours, the lowest row first."""
-        inside = ~np.ma.getmaskarray(self.values)
-        rgba = np.full((*inside.shape, 4), 255, np.uint8)
-        rgba[inside] = self.scale.cmap(self.scale.norm(self.values.data[inside]), bytes=True)
-        return Image.fromarray(rgba)
+    def colours(self) -> NDArray[np.uint8]:
+        """Red, green, blue and opacity of each pixel, the lowest row first."""
+        rgba = np.full((*self.raster.shape, 4), 255, np.uint8)
+        rgba.reshape(-1, 4)[self.raster.pixels] = self.scale.cmap(
+            self.scale.norm(self.values), bytes=True
+        )
+        return rgba
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw it."""
         assert self.axes is not None
         box, scale = self.axes.bbox, renderer.get_image_magnification()
         size = round(box.width * scale), round(box.height * scale)
-        if self.picture.size != size:
-            self.picture = self.picture.resize(size, Image.Resampling.HAMMING)
-        renderer.draw_image(renderer.new_gc(), box.x0, box.y0, np.array(self.picture))
+        if self.colours.shape[1::-1] != size:
+            image = Image.fromarray(self.colours)
+            self.colours = np.array(image.resize(size, Image.Resampling.HAMMING))
+        renderer.draw_image(renderer.new_gc(), box.x0, box.y0, self.colours)

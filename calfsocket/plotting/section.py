@@ -207,8 +207,8 @@ def draw_field(
     """
     window = (*axes.get_xlim(), *axes.get_ylim())
     raster = section.raster(window, round(axes.bbox.width))
-    shown = raster.image(values[section.fields.cells_of(*REPORTED)])
-    axes.add_artist(FieldImage(shown, scale))
+    shown = raster.sampled(values[section.fields.cells_of(*REPORTED)])
+    axes.add_artist(FieldImage(raster, shown, scale))
     draw_path(axes, section.bone, facecolor=BONE, linewidth=0, zorder=zorder)
     draw_path(axes, section.socket, facecolor=SOCKET, linewidth=0, zorder=zorder)
     style = {"fill": False, "edgecolor": OUTLINE, "linewidth": linewidth}

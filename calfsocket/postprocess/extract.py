@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from numpy.typing import NDArray
 
 from calfsocket.contact.bonded import BondedSkin
@@ -14,7 +13,7 @@ from calfsocket.contact.projection import EdgeChain, along_chain, order_chain
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.forms.measures import cauchy_stress
-from calfsocket.io.fenics import cell_nodes, evaluate
+from calfsocket.io.fenics import cell_nodes
 from calfsocket.mechanics.limb_problem import bonded_to_limb
 from calfsocket.mechanics.problem import Problem
 from calfsocket.postprocess.contact_line import ContactLine
@@ -155,20 +154,23 @@ def _line(
 
 def _at_gauss_points(model: Problem, n_cells: int) -> tuple[NDArray[np.float64], ...]:
     """F, Cauchy stress s11, s22, s33, s12 and p (both MPa, > 0 in tension) of the first cells."""
-    domain, fields = model.section.mesh, model.fields
+    fields = model.fields
     u, p_dof = ufl.split(model.w)
     F, p = deformation_gradient(u), mixed.pressure(p_dof, fields.pressure_scale)
-
-    def at_points(expression: Any, cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        return evaluate(fem.Expression(expression, GAUSS_POINTS, comm=model.comm), domain, cells)
-
     stress = np.empty((n_cells, 3, 4))
     for tag, material in fields.materials.items():
         cells = fields.tags.find(tag)
         cells = cells[cells < n_cells]
-        stress[cells] = at_points(cauchy_stress(material, F, p), cells).reshape(-1, 3, 4)
+
+        def make(material: mixed.Material = material) -> Any:
+            return cauchy_stress(material, F, p)
+
+        values = model.evaluate(f"Cauchy stress {tag}", make, GAUSS_POINTS, cells, material)
+        stress[cells] = values.reshape(-1, 3, 4)
     every = np.arange(n_cells, dtype=np.int32)
-    return at_points(F, every).reshape(-1, 3, 2, 2), stress, at_points(p, every)
+    gradients = model.evaluate("F at Gauss points", lambda: F, GAUSS_POINTS, every)
+    pressure = model.evaluate("pressure", lambda: p, GAUSS_POINTS, every)
+    return gradients.reshape(-1, 3, 2, 2), stress, pressure
 
 
 def _nodal_displacement(model: Problem, n_cells: int) -> NDArray[np.float64]:

@@ -69,8 +69,12 @@ def level(
     array
         One of the values for each share, in their unit.
     """
-    found = np.quantile(values, np.asarray(share) / 100, weights=weights, method="inverted_cdf")
-    return np.asarray(found, dtype=np.float64)
+    # As np.quantile by its method "inverted_cdf", which takes five times as long for a hundred.
+    order = np.argsort(values)
+    cumulative = np.cumsum(weights[order])
+    cumulative /= cumulative[-1]
+    place = np.searchsorted(cumulative, np.asarray(share) / 100)
+    return np.asarray(values[order[np.minimum(place, len(values) - 1)]], dtype=np.float64)
 
 
 def statistics(

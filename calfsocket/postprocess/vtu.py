@@ -22,6 +22,9 @@ _ELASTIC = "gauss_elastic_gradient"
 _REGION, _TISSUE = "region ", "tissue "
 """Start of the names of arrays that stand for the name of a region or tissue."""
 
+_LEVEL = 1
+"""How hard zlib packs: VTK's own 5 takes half as long again, and saves half a percent."""
+
 
 def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
     """Write fields.vtu of one case, for ParaView, meshio and `read_fields`.
@@ -32,9 +35,6 @@ def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
     names are those of arrays in the field data. "region NAME" is a region's number and that of its
     tissue, "tissue NAME" a tissue's number, and "load" the load of this equilibrium, 0 to 1.
     """
-    import pyvista  # takes a second, which only this function needs
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
-
     fields = quantities.fields
     n_nodes = len(fields.points)
     node_of_region = fields.region[:, None] * n_nodes + fields.cells
@@ -42,40 +42,81 @@ def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
     cells = cells.reshape(fields.cells.shape)
     node = copies % n_nodes
     pad = ((0, 0), (0, 1))
-    grid = pyvista.UnstructuredGrid(
-        {pyvista.CellType.QUADRATIC_TRIANGLE: cells}, np.pad(fields.points[node], pad)
-    )
-    grid.point_data["displacement"] = np.pad(fields.displacement[node], pad)
+    at_nodes = {"displacement": np.pad(fields.displacement[node], pad)}
     unit_names = {"kPa": "kPa", "%": "percent"}
     for name, unit in UNITS.items():
-        at_node = np.empty(len(node))
-        at_node[cells] = quantities.nodal[name]
-        grid.point_data[f"{name}_{unit_names[unit]}"] = at_node
-    grid.point_data["node"] = node
-    grid.cell_data["region"] = fields.region
-    grid.cell_data["tissue"] = fields.tissue
+        values = np.empty(len(node))
+        values[cells] = quantities.nodal[name]
+        at_nodes[f"{name}_{unit_names[unit]}"] = values
+    at_nodes["node"] = node
     n_cells = len(cells)
-    grid.cell_data["gauss_stress_kPa"] = fields.stress.reshape(n_cells, 12)
-    grid.cell_data["gauss_deformation_gradient"] = fields.deformation_gradient.reshape(n_cells, 12)
-    grid.cell_data["gauss_pressure_kPa"] = fields.pressure
+    in_cells = {
+        "region": fields.region,
+        "tissue": fields.tissue,
+        "gauss_stress_kPa": fields.stress.reshape(n_cells, 12),
+        "gauss_deformation_gradient": fields.deformation_gradient.reshape(n_cells, 12),
+        "gauss_pressure_kPa": fields.pressure,
+    }
     if fields.elastic_gradient is not None:
-        grid.cell_data[_ELASTIC] = fields.elastic_gradient.reshape(n_cells, 12)
+        in_cells[_ELASTIC] = fields.elastic_gradient.reshape(n_cells, 12)
+    of_all = {}
     for number, name in sorted(fields.region_names.items()):
         tissue = TISSUES.index(fields.region_tissues[number])
-        grid.field_data[_REGION + name] = np.array([number, tissue])
-    for number, name in enumerate(TISSUES):
-        grid.field_data[_TISSUE + name] = np.array([number])
-    grid.field_data["load"] = np.array([load])
+        of_all[_REGION + name] = np.array([number, tissue])
+    of_all |= {_TISSUE + name: np.array([number]) for number, name in enumerate(TISSUES)}
+    of_all["load"] = np.array([load])
+    text = _text_of(np.pad(fields.points[node], pad), cells, at_nodes, in_cells, of_all)
     path = Path(folder) / FIELDS_FILE
     with replacing(path) as temporary:
-        temporary.write_text(xml_text(vtkXMLUnstructuredGridWriter(), grid), encoding="ascii")
+        temporary.write_text(text, encoding="ascii")
     return path
+
+
+def _text_of(
+    points: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    at_nodes: Mapping[str, NDArray[Any]],
+    in_cells: Mapping[str, NDArray[Any]],
+    of_all: Mapping[str, NDArray[Any]],
+) -> str:
+    """Text of a file of six-node cells (n, 6) on points (m, 3), with data at nodes and in cells.
+
+    VTK itself takes a tenth of pyvista's time to load, which would load matplotlib, too.
+    """
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import (
+        VTK_QUADRATIC_TRIANGLE,
+        vtkCellArray,
+        vtkUnstructuredGrid,
+    )
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    grid, nodes, elements = vtkUnstructuredGrid(), vtkPoints(), vtkCellArray()
+    nodes.SetData(numpy_to_vtk(points))
+    grid.SetPoints(nodes)
+    starts, connectivity = np.arange(0, cells.size + 1, cells.shape[1]), cells.ravel()
+    elements.SetData(numpy_to_vtkIdTypeArray(starts), numpy_to_vtkIdTypeArray(connectivity))
+    grid.SetCells(VTK_QUADRATIC_TRIANGLE, elements)
+    for data, arrays in (
+        (grid.GetPointData(), at_nodes),
+        (grid.GetCellData(), in_cells),
+        (grid.GetFieldData(), of_all),
+    ):
+        for name, values in arrays.items():
+            array = numpy_to_vtk(np.ascontiguousarray(values))
+            array.SetName(name)
+            data.AddArray(array)
+    grid.GetPointData().SetActiveScalars(next(iter(at_nodes)))  # what ParaView shows at first
+    grid.GetCellData().SetActiveScalars(next(iter(in_cells)))
+    return xml_text(vtkXMLUnstructuredGridWriter(), grid)
 
 
 def xml_text(writer: Any, data: Any) -> str:
     """Text of a file of VTK's. Its writer must not write it itself: on a full disk it crashes."""
     writer.SetInputData(data)
     writer.SetDataModeToBinary()
+    writer.SetCompressionLevel(_LEVEL)
     writer.WriteToOutputStringOn()
     writer.Write()
     text: str = writer.GetOutputString()

@@ -5,9 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from calfsocket.io.errors import InputError
+from calfsocket.io.tables import Rows
 from calfsocket.postprocess.vtu import FIELDS_FILE
 from calfsocket.simulation.record import StudyRecord, read_run
 from calfsocket.simulation.result import CURVE_FILE, SECOND_MESH
@@ -41,13 +40,11 @@ def digests(
         found[name] = _digest((out / name).read_bytes()) if (out / name).is_file() else None
     for table in (*CASE_TABLES, *(STAGE_TABLES if states else ())):
         try:
-            rows = pd.read_csv(out / table, dtype=str, keep_default_na=False)
-            for column, value in zip(KEY, key, strict=True):
-                rows = rows[rows[column] == value]
-        except (OSError, ValueError, KeyError):
+            rows = Rows.read(out / table).of(KEY, {key})
+        except (OSError, ValueError):
             found[table] = None
         else:
-            found[table] = _digest(rows.to_csv(index=False).encode())
+            found[table] = _digest(rows.text().encode())
     return found
 
 
