@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import calfsocket
-from calfsocket.commands import BAD_INPUT, CASE_FAILED, OK, Command, study_files, tools
+from calfsocket.commands import BAD_INPUT, CASE_FAILED, OK, Command, Task, study_files, tools
 from calfsocket.commands.calibrate import calibrate
 from calfsocket.commands.export import export
 from calfsocket.commands.fit import fit
@@ -61,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments = _parser(command).parse_all(words)
     except InputError as error:
         return _refuse(error, first)
+    if command.task is not None and not _is_launched():
+        return _alone(command.task, arguments)
     return _with_mpi(command, arguments, petsc)
 
 
@@ -106,6 +108,27 @@ def _parser(command: Command) -> _Parser:
     return parser
 
 
+def _alone(task: Task, arguments: argparse.Namespace) -> int:
+    """Do the work of one process; MPI, which takes a tenth of a second to start, is not."""
+    handle_termination()
+    try:
+        task(arguments)
+    except InputError as error:
+        return _refuse(error, first=True)
+    except (CalfsocketError, KeyboardInterrupt) as error:
+        message, code = _said(error)
+        print(message, file=sys.stderr)
+        return code
+    return OK
+
+
+def _said(error: CalfsocketError | KeyboardInterrupt) -> tuple[str, int]:
+    """Return the message and the exit code of what ended a command."""
+    if isinstance(error, KeyboardInterrupt):
+        return f"calfsocket: {str(error) or 'interrupted'}", exit_code(error)
+    return f"calfsocket: {error}", CASE_FAILED
+
+
 def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str]) -> int:
     if command.solves:
         import petsc4py
@@ -122,10 +145,8 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
         if all_arrive(abort_comm):
             return _refuse(error, first=comm.rank == 0)
         message, code = f"calfsocket: {error}", BAD_INPUT
-    except CalfsocketError as error:
-        message, code = f"calfsocket: {error}", CASE_FAILED
-    except KeyboardInterrupt as interrupt:
-        message, code = f"calfsocket: {str(interrupt) or 'interrupted'}", exit_code(interrupt)
+    except (CalfsocketError, KeyboardInterrupt) as error:
+        message, code = _said(error)
     except BaseException:
         if comm.size == 1:
             raise
@@ -154,9 +175,15 @@ def _split_petsc(argv: list[str]) -> tuple[list[str], list[str]]:
     return ours, petsc
 
 
+_RANK = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
+"""What launchers of MPI set in the environment."""
+
+
+def _is_launched() -> bool:
+    """Whether a launcher of MPI has started this process, and perhaps others."""
+    return any(name in os.environ for name in _RANK)
+
+
 def _launched_rank() -> int:
     """Rank in the MPI job by the launcher's environment, without initialising MPI."""
-    for name in ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"):
-        if name in os.environ:
-            return int(os.environ[name])
-    return 0
+    return next((int(os.environ[name]) for name in _RANK if name in os.environ), 0)

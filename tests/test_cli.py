@@ -50,6 +50,28 @@ def test_help_teaches_and_waits_for_no_heavy_package(tmp_path):
     assert loaded == "set()"
 
 
+@pytest.mark.parametrize(("words", "code"), [(["schema"], 0), (["picture", "nowhere"], 2)])
+def test_a_command_of_one_process_starts_no_mpi(tmp_path, words, code):
+    program = (
+        "import sys\n"
+        "from calfsocket import cli\n"
+        "before = set(sys.modules)\n"  # mpi4py, where pip installed it
+        f"print(cli.main({words}))\n"
+        "print({'mpi4py'} & (set(sys.modules) - before))"
+    )
+    launched = ("OMPI_", "PMIX_", "PMI_")
+    alone = {name: of for name, of in os.environ.items() if not name.startswith(launched)}
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=alone | {"PYTHONPATH": os.fspath(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.splitlines()[-2:] == [str(code), "set()"]
+
+
 @pytest.mark.parametrize("name", cli.COMMANDS)
 def test_every_command_is_listed_and_has_help(name, capsys):
     with pytest.raises(SystemExit) as end:

@@ -60,3 +60,35 @@ def test_a_line_search_of_the_users_is_the_only_one():
         del options["calfsocket_snes_linesearch_type"]
     assert not result.converged
     assert [k for k, _ in norms].count(0) == 1
+
+
+class Parabola(Arctangent):
+    """slope x + x^2 = 0: Newton's method squares x, or halves it where the slope is 0."""
+
+    def __init__(self, slope):
+        self.slope, self.tangents = slope, 0
+
+    def residual(self, x, f):
+        f.array[:] = (self.slope + x.array_r) * x.array_r
+
+    def tangent(self, x, A):
+        self.tangents += 1
+        A.setValue(0, 0, self.slope + 2.0 * x.array_r[0])
+        A.assemble()
+
+
+@pytest.mark.parametrize(
+    ("slope", "start", "iterations", "tangents"),
+    [
+        (1.0, 2e-4, 2, 1),  # from 4e-8, the old tangent leaves 2e-11
+        (1.0, 1e-3, 2, 2),  # 1e-6 is too far from the tolerance
+        (0.0, 1e-4, 2, 2),  # a residual of 3e-9 that the iteration has not reduced enough
+    ],
+)
+def test_the_last_iteration_has_the_tangent_of_the_one_before(slope, start, iterations, tangents):
+    problem = Parabola(slope)
+    solver = Newton(problem)
+    solver.x.array[:] = start
+    result = solver.solve()
+    assert result.converged and result.iterations == iterations
+    assert problem.tangents == tangents

@@ -20,6 +20,7 @@ OK, CASE_FAILED, BAD_INPUT = 0, 1, 2
 
 Comm: TypeAlias = "MPI.Intracomm"
 Work: TypeAlias = Callable[[Comm, argparse.Namespace], int | None]
+Task: TypeAlias = Callable[[argparse.Namespace], object]
 Option: TypeAlias = "Callable[[argparse._ActionsContainer], object]"
 
 
@@ -40,6 +41,8 @@ class Command:
         Each adds an option, or a group of them, to a parser.
     solves : bool
         Whether it needs PETSc.
+    task : callable, optional
+        The work where it is that of one process: it needs no MPI then.
     """
 
     run: Work
@@ -49,6 +52,7 @@ class Command:
     epilog: str
     options: tuple[Option, ...]
     solves: bool
+    task: Task | None = None
 
 
 def command(
@@ -59,18 +63,21 @@ def command(
     def made(work: Work) -> Command:
         line = work.__doc__ or ""
         listed = line[:1].lower() + line[1:].removesuffix(".")
-        return Command(work, work.__name__, listed, description or line, epilog, options, solves)
+        task = None if solves else getattr(work, "task", None)
+        about = description or line
+        return Command(work, work.__name__, listed, about, epilog, options, solves, task)
 
     return made
 
 
-def first_rank(task: Callable[[argparse.Namespace], object]) -> Work:
+def first_rank(task: Task) -> Work:
     """Make the work of a command of a task for rank 0 alone."""
 
     @wraps(task)
     def work(comm: Comm, arguments: argparse.Namespace) -> None:
         on_first_rank(comm, lambda: task(arguments))
 
+    work.task = task  # type: ignore[attr-defined]
     return work
 
 

@@ -234,7 +234,6 @@ class Quantities:
     """Averages over the cells of the tissue at each cell's six nodes, (n_cells, 6)."""
     mean: dict[str, NDArray[np.float64]]
     """Mean over each cell's Gauss points, (n_cells,)."""
-    pairs: Neighbours
 
     @classmethod
     def of(cls, fields: SectionFields) -> "Quantities":
@@ -251,7 +250,12 @@ class Quantities:
         at_nodes, over_cells = average(np.abs(nodes[amp])), np.abs(gauss[amp]).mean(axis=1)
         nodal[amp] = _sign(nodal[amp], at_nodes) * at_nodes
         mean[amp] = _sign(mean[amp], over_cells) * over_cells
-        return cls(fields, gauss, nodal, mean, neighbours(fields))
+        return cls(fields, gauss, nodal, mean)
+
+    @cached_property
+    def pairs(self) -> Neighbours:
+        """Pairs of neighbours within a tissue."""
+        return neighbours(self.fields)
 
     @cached_property
     def levels(self) -> dict[str, NDArray[np.float64]]:
