@@ -118,26 +118,26 @@ def start(subject: Subject) -> Numbers:
 
 
 def compiled(subject: Subject) -> Numbers:
-    """Time with nothing compiled: until something happens, and of the paper's runs with all else.
+    """With nothing compiled: one case alone, and the paper's runs with all that is made of them.
 
-    These runs are coarse, so that compiling counts.
+    They are coarse, so that compiling counts.
     """
-    with (
-        subject.study(ONE.format(size="coarse"), "--no-pictures", "--no-report", *MONITOR) as (
-            words,
-            _,
-        ),
-        tempfile.TemporaryDirectory() as cache,
-    ):
-        first = subject.ended(words, iterations=FIRST, XDG_CACHE_HOME=cache).iterations[-1]
-    with tempfile.TemporaryDirectory() as out, tempfile.TemporaryDirectory() as cache:
-        words = ["--size", "coarse", "--sockets", subject.problems.sockets, "--out", f"{out}/all"]
-        whole = subject.ended(words, ranks=2, XDG_CACHE_HOME=cache)
-    runs = 2 * len(subject.problems.sockets.split(","))
+    words = ("--no-pictures", "--no-report")
+    with subject.study(ONE.format(size="coarse"), *words) as (command, _), _nothing() as cache:
+        one = subject.ended(command, XDG_CACHE_HOME=cache)
+    sockets = subject.problems.sockets
+    with _nothing() as out, _nothing() as cache:
+        options = ["--size", "coarse", "--sockets", sockets, "--out", f"{out}/all"]
+        whole = subject.ended(options, ranks=2, XDG_CACHE_HOME=cache)
+    runs = 2 * len(sockets.split(","))
     return {
-        "first_iteration_coarse_with_nothing_compiled_s": first[1],
+        "case_coarse_with_nothing_compiled_s": one.processor,
         f"{runs}_runs_coarse_two_ranks_with_nothing_compiled_wall_s": whole.wall,
     }
+
+
+_nothing = tempfile.TemporaryDirectory
+"""An empty folder, for a cache or for results."""
 
 
 @contextmanager

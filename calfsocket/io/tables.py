@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,25 +39,17 @@ class Rows:
                 columns, *rows = filter(None, csv.reader(file, strict=True))
             except csv.Error as error:
                 raise ValueError(str(error)) from None
-        if any(len(row) != len(columns) for row in rows):
+        if set(map(len, rows)) - {len(columns)}:
             raise ValueError("rows differ in length")
         return cls(columns, rows)
 
-    def names(self, key: Sequence[str]) -> list[Name]:
-        """Return the name of the case of each row.
-
-        Raises
-        ------
-        ValueError
-            When a column of the key is missing.
-        """
+    def of_cases(self, key: Sequence[str]) -> dict[Name, list[list[str]]]:
+        """Return the rows of each case, in their order."""
         places = [self.columns.index(column) for column in key]
-        return [tuple(row[place] for place in places) for row in self.rows]
-
-    def of(self, key: Sequence[str], cases: Collection[Name], others: bool = False) -> "Rows":
-        """Return the rows of some cases, or those of all others."""
-        chosen = zip(self.rows, self.names(key), strict=True)
-        return Rows(self.columns, [row for row, name in chosen if (name in cases) != others])
+        found: dict[Name, list[list[str]]] = {}
+        for row in self.rows:
+            found.setdefault(tuple([row[place] for place in places]), []).append(row)
+        return found
 
     def under(self, columns: Sequence[str]) -> "Rows":
         """Return the rows with other columns; what they lack is empty."""
@@ -102,18 +94,17 @@ def merge_csv(
         Cases in the study's order; others come last, in order of name.
     """
     path = Path(path)
-    columns = [map(_text, rows.iloc[:, i].tolist()) for i in range(rows.shape[1])]
-    new = Rows(list(rows.columns), list(map(list, zip(*columns, strict=True))))
+    texts = [map(_text, rows.iloc[:, i].tolist()) for i in range(rows.shape[1])]
+    new = Rows(list(rows.columns), list(map(list, zip(*texts, strict=True))))
     rank = {case: place for place, case in enumerate(order)}
     with locked(path.parent):
-        every = new
+        columns, cases = new.columns, new.of_cases(key)
         if path.exists():
-            others = _read_table(path, key).of(key, set(new.names(key)), others=True)
-            both = list(dict.fromkeys([*new.columns, *others.columns]))
-            every = Rows(both, [*new.under(both).rows, *others.under(both).rows])
-        names = every.names(key)
-        places = sorted(range(len(names)), key=lambda i: (rank.get(names[i], len(rank)), names[i]))
-        Rows(every.columns, [every.rows[place] for place in places]).write(path)
+            others = _read_table(path, key)
+            columns = list(dict.fromkeys([*columns, *others.columns]))
+            cases = others.under(columns).of_cases(key) | new.under(columns).of_cases(key)
+        names = sorted(cases, key=lambda name: (rank.get(name, len(rank)), name))
+        Rows(columns, [row for name in names for row in cases[name]]).write(path)
 
 
 def remove_rows(path: Path, key: Sequence[str], cases: Iterable[Name]) -> None:
@@ -122,17 +113,19 @@ def remove_rows(path: Path, key: Sequence[str], cases: Iterable[Name]) -> None:
     with locked(path.parent):
         if not path.exists():
             return
-        old = _read_table(path, key)
-        others = old.of(key, set(cases), others=True)
-        if len(others.rows) < len(old.rows):
-            others.write(path)
+        table = _read_table(path, key)
+        gone = set(cases)
+        kept = [row for name, of in table.of_cases(key).items() if name not in gone for row in of]
+        if len(kept) < len(table.rows):
+            Rows(table.columns, kept).write(path)
 
 
 def _read_table(path: Path, key: Sequence[str]) -> Rows:
     """Read a CSV as text; raise a WriteError when it has not the columns of `key`."""
     try:
         table = Rows.read(path)
-        table.names(key)
+        if missing := [column for column in key if column not in table.columns]:
+            raise ValueError(f"no column {missing[0]}")
     except ValueError as error:
         raise WriteError(
             f"{path}: is not the table that this run wrote; move it away, or restore it "

@@ -40,7 +40,8 @@ def digests(
         found[name] = _digest((out / name).read_bytes()) if (out / name).is_file() else None
     for table in (*CASE_TABLES, *(STAGE_TABLES if states else ())):
         try:
-            rows = Rows.read(out / table).of(KEY, {key})
+            every = Rows.read(out / table)
+            rows = Rows(every.columns, every.of_cases(KEY).get(key, []))
         except (OSError, ValueError):
             found[table] = None
         else:
