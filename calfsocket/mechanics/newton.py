@@ -235,8 +235,9 @@ class Newton:
         Its rows are those of the tangent's `CondensedTangent.unknowns`.
         """
         matrix, expected = self.problem.stability(self.x, self.tangent)
-        symmetric = matrix.copy()
-        symmetric.axpy(1.0, matrix.transpose(PETSc.Mat()), PETSc.Mat.Structure.DIFFERENT)
+        symmetric = matrix.transpose(PETSc.Mat())
+        # The pattern is symmetric, so that no third matrix is needed: memory is highest here.
+        symmetric.axpy(1.0, matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         symmetric.scale(0.5)
         symmetric.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         pc = PETSc.PC().create(symmetric.getComm())
