@@ -60,3 +60,38 @@ def test_a_line_search_of_the_users_is_the_only_one():
         del options["calfsocket_snes_linesearch_type"]
     assert not result.converged
     assert [k for k, _ in norms].count(0) == 1
+
+
+class Parabola(Arctangent):
+    """A stiff parabola, N/mm."""
+
+    def residual(self, x, f):
+        f.array[:] = 1e8 * (x.array_r**2 - 2.0)
+
+    def tangent(self, x, A):
+        A.setValue(0, 0, 2e8 * x.array_r[0])
+        A.assemble()
+
+
+class Constant(Arctangent):
+    """5e-9 N/mm everywhere."""
+
+    def residual(self, x, f):
+        f.array[:] = 5e-9
+
+
+def test_what_rounding_leaves_of_a_residual_is_no_failure():
+    """The last digit of x changes the residual by 6e-8 N/mm."""
+    solver = Newton(Parabola(), full_steps_first=True)
+    solver.x.array[:] = 1.5
+    result = solver.solve()
+    assert result.converged and result.iterations <= 6
+    assert 1e-9 < result.residual < 1e-7
+    assert solver.x.array_r[0] == pytest.approx(np.sqrt(2.0), rel=1e-15)
+
+
+def test_a_small_residual_that_rounding_does_not_explain_is_a_failure():
+    solver = Newton(Constant(), full_steps_first=True)
+    solver.searches = False
+    solver.x.array[:] = 1.5
+    assert not solver.solve().converged
