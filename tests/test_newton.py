@@ -92,3 +92,38 @@ def test_the_last_iteration_has_the_tangent_of_the_one_before(slope, start, iter
     result = solver.solve()
     assert result.converged and result.iterations == iterations
     assert problem.tangents == tangents
+
+
+class StiffParabola(Arctangent):
+    """A stiff parabola, N/mm."""
+
+    def residual(self, x, f):
+        f.array[:] = 1e8 * (x.array_r**2 - 2.0)
+
+    def tangent(self, x, A):
+        A.setValue(0, 0, 2e8 * x.array_r[0])
+        A.assemble()
+
+
+class Constant(Arctangent):
+    """5e-9 N/mm everywhere."""
+
+    def residual(self, x, f):
+        f.array[:] = 5e-9
+
+
+def test_what_rounding_leaves_of_a_residual_is_no_failure():
+    """The last digit of x changes the residual by 6e-8 N/mm."""
+    solver = Newton(StiffParabola(), full_steps_first=True)
+    solver.x.array[:] = 1.5
+    result = solver.solve()
+    assert result.converged and result.iterations <= 6
+    assert 1e-9 < result.residual < 1e-7
+    assert solver.x.array_r[0] == pytest.approx(np.sqrt(2.0), rel=1e-15)
+
+
+def test_a_small_residual_that_rounding_does_not_explain_is_a_failure():
+    solver = Newton(Constant(), full_steps_first=True)
+    solver.searches = False
+    solver.x.array[:] = 1.5
+    assert not solver.solve().converged

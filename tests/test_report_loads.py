@@ -2,13 +2,18 @@
 
 import html
 import re
+from collections import Counter
 from dataclasses import replace
 
+import numpy as np
+import pandas as pd
+import pytest
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.placement import check_placement
+from calfsocket.plotting import loading
 from calfsocket.plotting.files import Drawing
 from calfsocket.report.page import Page
 from calfsocket.report.write import write_report
@@ -92,3 +97,40 @@ def test_figures_without_a_number_do_not_take_one_that_is_given(tmp_path):
     page = Page(tmp_path, dict.fromkeys(names, drawing), {}, {"first": "2", "second": "3"})
     figures = "".join(page.figure(name, name, lambda: Markup("words")) for name in names)
     assert re.findall(r"Figure (\d+)", figures) == ["2", "4", "3", "5"]
+
+
+@pytest.mark.parametrize(
+    ("rises", "labels"),
+    [
+        ({"volume_muscle_percent": 1, "volume_fat_percent": 1}, ["volume of muscle and fat, %"]),
+        (
+            {"volume_muscle_percent": 1, "volume_fat_percent": 2},
+            ["volume of muscle, %", "volume of fat, %"],
+        ),
+        ({"volume_fat_percent": 1}, ["volume of fat, %"]),
+        ({}, []),
+        (
+            {"force_x_N_per_mm": 1, "volume_muscle_percent": 1, "volume_fat_percent": 3},
+            ["displacement x, mm", "volume of muscle, %", "volume of fat, %"],
+        ),
+    ],
+)
+def test_curves_name_the_volume_that_changes_and_leave_no_place_empty(rises, labels):
+    stays = ["force_x_N_per_mm", "force_y_N_per_mm", "displacement_x_mm", "displacement_y_mm"]
+    stays += ["pressing_N_per_mm", "slipping_percent", "dissipated_N_mm_per_mm"]
+    rises = {"moment_N_mm_per_mm": 1, "rotation_deg": 1, **rises}
+    curve = pd.DataFrame({"stage": ["donned", "day", "day"]})
+    curve = curve.assign(**dict.fromkeys(stays, 0.0))
+    curve = curve.assign(**{name: rate * np.arange(3.0) for name, rate in rises.items()})
+    axes = loading.draw(curve).axes
+    assert [panel.get_xlabel() for panel in axes] == [
+        "rotation, deg",
+        *labels,
+        "equilibrium",
+        "equilibrium",
+    ]
+    taken = Counter()
+    for panel in axes:
+        place = panel.get_subplotspec()
+        taken[place.rowspan.start] += len(place.colspan)
+    assert set(taken.values()) == {axes[0].get_gridspec().ncols}

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from calfsocket.io.errors import InputError
+from calfsocket.mechanics import stages
 from calfsocket.mechanics.loading import Loading, Stage
 from calfsocket.meshes.frame import Frame
+from calfsocket.postprocess.loading_curve import in_words
 from calfsocket.verification.loaded_ring import AXES, CARRIED, LoadedRing, slopes
 from calfsocket.verification.report import order
 
@@ -58,6 +60,21 @@ def test_the_limit_is_coulombs_and_is_told(turned):
     failed = [step.newton.iterations for step in turned.steps if not step.newton.converged]
     assert failed and max(failed) <= 5  # a line search would go on to the last of 20
     assert of_stage(turned, "over")[-1].force[2] == pytest.approx(limit.force[2], rel=1e-3)
+
+
+def test_a_force_that_is_not_followed_to_its_end_ends_with_what_was_reached(monkeypatch):
+    monkeypatch.setattr(stages, "MOST_STEPS", 1)
+    monkeypatch.setattr(stages, "MOST_PER_STEP", 0)
+    stepper = LOADED.donned()
+    limit = stepper.run(Stage(name="over", moment=1.2 * LIMIT, steps=2))
+    assert limit.still_rises
+    reached = of_stage(stepper, "over")[-1]
+    assert 0.6 * LIMIT < limit.force[2] < 1.001 * LIMIT
+    assert reached.force[2] == pytest.approx(limit.force[2])
+    assert in_words(limit, CALF).startswith("no equilibrium found beyond moment ")
+    monkeypatch.undo()
+    assert stepper.run(Stage(name="release", moment=0.0, steps=1)) is None
+    assert of_stage(stepper, "release")[-1].force[2] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_closed_cycle_dissipates_the_area_of_its_loop(turned):

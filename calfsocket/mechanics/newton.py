@@ -5,13 +5,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol
 
+import numpy as np
 from petsc4py import PETSc
 
 from calfsocket.contact.active_set import ActiveSet
 from calfsocket.io.petsc_options import DEFAULT_OPTIONS, OPTIONS_PREFIX, defaults
 
-CLOSE = 100.0
-"""Times the tolerance: a larger residual may come from contact that is about to change."""
+NEAR = 100.0
+"""Times the tolerance: of a larger residual neither rounding is the cause, nor is it certain that
+contact does not change any more."""
+
+STALLED = 0.5
+"""A residual that is more than this share of the one before, and near the tolerance: rounding may
+be what is left of it, since Newton's method squares it there."""
 
 LEFT = 0.1
 """Share of the tolerance that the square of a residual over the one before may be, where the
@@ -149,9 +155,16 @@ class Newton:
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         self.problem.residual(x, f)
+        norm, tolerance = f.norm(), snes.getTolerances()[1]
+        before = self._history[-1] if self._history else math.inf
+        if tolerance < norm < NEAR * tolerance and norm > STALLED * before:
+            rounding = self._rounding(x, f)
+            if norm <= rounding:
+                snes.setTolerances(atol=rounding)
+                tolerance = rounding
         if self._active_set is None or not self._active_set.is_iterating:
             return
-        if f.norm() <= snes.getTolerances()[1] and self._active_set.release():
+        if norm <= tolerance and self._active_set.release():
             self.problem.residual(x, f)
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, _P: PETSc.Mat) -> None:
@@ -162,9 +175,22 @@ class Newton:
         tolerance = snes.getTolerances()[1]
         if len(self._history) > 1:
             before, here = self._history[-2:]
-            if here <= CLOSE * tolerance and here**2 <= LEFT * tolerance * before:
+            if here <= NEAR * tolerance and here**2 <= LEFT * tolerance * before:
                 return
         self.problem.tangent(x, A)
+
+    def _rounding(self, x: PETSc.Vec, f: PETSc.Vec) -> float:
+        """Change of the residual f at x by the last digit of each unknown, N/mm (collective).
+
+        A stiff socket that has moved by tens of millimetres has no smaller one.
+        """
+        near, changed = x.copy(), f.duplicate()
+        signs = 1.0 - 2.0 * (np.arange(near.local_size) % 2)  # neighbours apart from each other
+        near.array[:] *= 1.0 + signs * np.finfo(float).eps
+        self.problem.residual(near, changed)
+        changed.axpy(-1.0, f)
+        self.problem.residual(x, f)
+        return float(changed.norm())
 
     def solve(self, ahead: bool = False) -> NewtonResult:
         """Solve from the present `x`, which holds the last iterate afterwards (collective).
@@ -188,7 +214,9 @@ class Newton:
 
     def _attempt(self, snes: PETSc.SNES) -> NewtonResult:
         self._history = []
+        tolerance = snes.getTolerances()[1]
         snes.solve(None, self.x)
+        snes.setTolerances(atol=tolerance)
         reason = snes.getConvergedReason()
         return NewtonResult(
             converged=reason > 0,

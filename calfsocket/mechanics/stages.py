@@ -39,8 +39,9 @@ LIMIT = 1e-3
 LAST_PART = 0.2
 """Share of the way gone that the last part of it is, over which `LIMIT` counts."""
 
-MOST_STEPS = 200
-"""Steps along a prescribed way."""
+MOST_STEPS, MOST_PER_STEP = 50, 5
+"""Steps along a prescribed way at most, failed ones too: so many, and as many again for each step
+that the stage asks for."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Limit:
-    """A force that the limb in its socket cannot bear.
+    """A force that the limb in its socket cannot bear, or that it was not followed to.
 
     Attributes
     ----------
@@ -96,11 +97,14 @@ class Limit:
         The largest force along that of the stage, N/mm, and moment, N mm/mm.
     asked : (3,) float
         What the stage asked for.
+    still_rises : bool
+        Whether it still rose there, where no further equilibrium was found.
     """
 
     stage: str
     force: FloatArray
     asked: FloatArray
+    still_rises: bool = False
 
 
 @dataclass(frozen=True)
@@ -228,6 +232,8 @@ class StageStepper:
     def run(self, stage: Stage, start: StageMilestone | None = None) -> Limit | None:
         """Go through a stage; return the last limit that its forces came to, if any (collective).
 
+        A way along a force ends at its limit, or where no further equilibrium is found.
+
         Parameters
         ----------
         stage : Stage
@@ -238,8 +244,8 @@ class StageStepper:
         Raises
         ------
         ConvergenceError
-            If there is no equilibrium on the way, and that is not for a limit of the force. The
-            problem then holds the last one.
+            If there is no equilibrium on the way, and no force is followed there. The problem then
+            holds the last one.
         """
         self._stage, self._ways, self.steps = stage.name, 0, []
         way = None
@@ -367,7 +373,7 @@ class StageStepper:
         shares, ways = [share()], [0.0]
         whole = Control.of(held, end_force, end_place)
         advance = step * way
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_STEPS + round(MOST_PER_STEP / step)):
             here, before = self._snapshot(), carrier.control
             if len(ways) > 1:
                 rise = (shares[-1] - shares[-2]) / (ways[-1] - ways[-2])
@@ -384,9 +390,11 @@ class StageStepper:
                 self._run(ONE_STEP, self._choice(before, control))
             except ConvergenceError:
                 advance *= CUTBACK
-                if advance < SHORTEST * step * way:
+                if advance >= SHORTEST * step * way:
+                    continue
+                if len(ways) == 1:  # it was not followed at all
                     raise
-                continue
+                break
             if share() >= 1.0:  # beyond the stage's force, which friction would remember
                 self._return(here, before)
                 advance *= CUTBACK
@@ -394,16 +402,14 @@ class StageStepper:
             shares.append(share())
             ways.append(along(carrier.place / carrier.scale) - origin)
             if self._at_limit(ways, shares, force, unit, size):
-                best = int(np.argmax(shares))
-                reached = force + shares[best] * size * unit / carrier.scale
-                found = Limit(self._stage, reached, end_force)
-                self.limits.append(found)
-                return found
+                break
             if self.points[-1].iterations <= FEW_ITERATIONS:
                 advance *= GROWTH
-        raise ConvergenceError(
-            f"the force still rises after {MOST_STEPS} steps along its way; ask for more steps"
-        )
+        still_rises = not self._at_limit(ways, shares, force, unit, size)
+        best = int(np.argmax(shares))
+        reached = force + shares[best] * size * unit / carrier.scale
+        self.limits.append(Limit(self._stage, reached, end_force, still_rises))
+        return self.limits[-1]
 
     def _snapshot(self) -> Milestone:
         """Return the present equilibrium, to go back to."""

@@ -1,6 +1,8 @@
 """Curves of the stages of loading: moment over rotation, force over displacement, slip, work."""
 
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +14,8 @@ from calfsocket.plotting import files
 from calfsocket.plotting.names import CURVE_PICTURE
 from calfsocket.plotting.style import new_figure, type_set
 
-PANEL_MM = 70.0
+PANEL_MM, KEY_MM = 65.0, 9.0
+MOST_ABREAST, STAGES_ABREAST = 3, 6  # panels in a row; stages in a line of the key
 
 SMALLEST_CHANGE = 1e-6
 """Of a load in N/mm, N mm/mm or %: less is what Newton's tolerance leaves of one that stays."""
@@ -39,37 +42,59 @@ def _words(column: str) -> str:
 
 def panels_of(curve: pd.DataFrame) -> list[tuple[str, str]]:
     """Return what is drawn over what: pairs of columns, those whose load changes."""
-    found = []
     loads = ["moment_N_mm_per_mm", *columns_of(curve, "force_")]
     ways = ["rotation_deg", *columns_of(curve, "displacement_")]
-    reach = {name: float(np.ptp(curve[name])) for name in (*loads, *ways)}
-    for load, way in zip(loads, ways, strict=True):
-        if reach[load] > SMALLEST_CHANGE:
-            found.append((way, load))
-    for tissue in columns_of(curve, "volume_")[:1]:
-        found.append((tissue, "pressing_N_per_mm"))
-    return found
+    volumes = columns_of(curve, "volume_")
+    if _change_together(curve):
+        volumes = volumes[:1]
+    return [
+        *(
+            (way, load)
+            for load, way in zip(loads, ways, strict=True)
+            if np.ptp(curve[load]) > SMALLEST_CHANGE
+        ),
+        *(
+            (volume, "pressing_N_per_mm")
+            for volume in volumes
+            if np.ptp(curve[volume]) > SMALLEST_CHANGE
+        ),
+    ]
+
+
+def _change_together(curve: pd.DataFrame) -> bool:
+    """Whether the volumes of several tissues change, all of them by the same share."""
+    volumes = curve[columns_of(curve, "volume_")]
+    return volumes.shape[1] > 1 and bool(np.ptp(volumes.to_numpy(), axis=1).max() == 0.0)
+
+
+def _label(curve: pd.DataFrame, column: str) -> str:
+    """Return the label of an axis; a volume is that of all tissues that change with it."""
+    if not column.startswith("volume_"):
+        return _words(column)
+    together = columns_of(curve, "volume_") if _change_together(curve) else [column]
+    tissues = [name.removeprefix("volume_").removesuffix("_percent") for name in together]
+    return f"volume of {' and '.join(tissues)}, %"
 
 
 def draw(curve: pd.DataFrame) -> Figure:
     """Draw the curves, a colour a stage, and slip and dissipated work over the steps."""
+    driven = panels_of(curve)
+    pairs = [*driven, (None, "slipping_percent"), (None, "dissipated_N_mm_per_mm")]
+    # Rows as even as they can be, so that no place stays empty; slip and work have their own.
+    parts = np.array_split(np.arange(len(driven)), -(-len(driven) // MOST_ABREAST) or 1)
+    rows = [part for part in (*parts, np.arange(len(driven), len(pairs))) if len(part)]
+    columns = math.lcm(*map(len, rows))
+    layout: list[Any] = [np.repeat(row, columns // len(row)).tolist() for row in rows]
     with type_set():
-        over = panels_of(curve)
-        pairs: list[tuple[str | None, str]] = [
-            *over,
-            (None, "slipping_percent"),
-            (None, "dissipated_N_mm_per_mm"),
-        ]
-        rows = -(-len(pairs) // 2)
-        figure = new_figure(PANEL_MM * rows)
-        every = figure.subplots(rows, 2, squeeze=False).ravel()
-        for axes, (x, y) in zip(every, pairs, strict=False):
+        figure = new_figure(PANEL_MM * len(rows) + KEY_MM)
+        figure.set_layout_engine("constrained")
+        every: dict[int, Axes] = figure.subplot_mosaic(layout)
+        for number, (x, y) in enumerate(pairs):
+            axes = every[number]
             _draw_stages(axes, curve, x, y)
-            axes.set(xlabel=_words(x) if x else "equilibrium", ylabel=_words(y))
-        for axes in every[len(pairs) :]:
-            axes.remove()
-        every[len(over)].legend(title="stage", fontsize=6)
-        figure.tight_layout()
+            axes.set(xlabel=_label(curve, x) if x else "equilibrium", ylabel=_label(curve, y))
+        stages = axes.get_legend_handles_labels()
+        figure.legend(*stages, title="stage", loc="outside lower center", ncols=STAGES_ABREAST)
     return figure
 
 

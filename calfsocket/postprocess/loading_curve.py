@@ -48,7 +48,10 @@ def curve_table(points: Sequence[Point], frame: Frame) -> pd.DataFrame:
 
 
 def in_words(limit: Limit, frame: Frame) -> str:
-    """Say which force could not be borne, e.g. "limit reached at moment 23.4 N mm/mm of 40"."""
+    """Say which force could not be borne, e.g. "limit reached at moment 23.4 N mm/mm of 40".
+
+    Or up to where it was followed, if it still rose there.
+    """
     names = (*(f"{side} force" for side in sides(frame)), "moment")
     units = ("N/mm", "N/mm", "N mm/mm")
     size = np.abs(limit.asked).max()
@@ -57,4 +60,6 @@ def in_words(limit: Limit, frame: Frame) -> str:
         for name, unit, reached, asked in zip(names, units, limit.force, limit.asked, strict=True)
         if abs(asked - reached) > 1e-9 * size  # the others have come to what was asked for
     ]
+    if limit.still_rises:
+        return f"no equilibrium found beyond {', '.join(parts)}, where it still rises"
     return f"limit reached at {', '.join(parts)}"
