@@ -35,50 +35,47 @@ class WantedSizes:
 
 
 @dataclass(frozen=True)
+class FirstError:
+    """The error of a first solution, which meshes of several sizes may follow from."""
+
+    x: Array  #: nodes of the triangles of the first mesh, (m, 6, 2), mm
+    error: Array  #: of each of them; squares sum up to that of the whole, (m,)
+    bodies: Sequence[NDArray[np.int64]]  #: triangles of the limb's side, and of the socket's
+
+
+@dataclass(frozen=True)
 class Refinement:
     """Wanted sizes of the two bodies, which overlap in space."""
 
-    bound: MeshSize  #: which no triangle exceeds
+    first: MeshSize  #: that of the first mesh, which no triangle exceeds
     limb: WantedSizes
     socket: WantedSizes
 
     @classmethod
-    def of(
-        cls, x: Array, error: Array, bodies: Sequence[NDArray[np.int64]], size: AdaptiveSize
-    ) -> "Refinement":
+    def of(cls, first: FirstError, size: AdaptiveSize) -> "Refinement":
         r"""Return the sizes by which so many triangles have the smallest error.
 
         .. math:: h \to h \left( \frac{\bar\eta}{\eta} \right)^{1 / (p + 1)}
 
         with the error :math:`\eta` of each triangle, which falls with :math:`h^{p + 1}`, p = 2, and
         is the same for all of the new ones. Where curves ask for smaller ones they are smaller.
-
-        Parameters
-        ----------
-        x : array
-            Nodes of the triangles of the first mesh, (m, 6, 2), mm.
-        error : array
-            Of each of them; squares sum up to that of the whole, (m,).
-        bodies : sequence of array
-            Triangles of the limb's side, and of the socket's.
-        size : AdaptiveSize
-            How many triangles the new mesh has.
+        `size` says how many triangles there are.
         """
-        sides = np.sqrt(areas(x) / EQUILATERAL_AREA)
-        share = error ** (1.0 / (ORDER + 1))
+        sides = np.sqrt(areas(first.x) / EQUILATERAL_AREA)
+        share = first.error ** (1.0 / (ORDER + 1))
         # One triangle becomes (h / new h)^2.
         mean = np.sqrt(np.sum(share**2) / size.triangles)
         ratio = np.divide(mean, share, out=np.full(len(share), LARGEST), where=share > 0.0)
         power = np.log2(np.clip(ratio, 1.0 / MOST_REFINED, LARGEST))
         sizes = sides * 2.0 ** (np.round(power / ROUNDING) * ROUNDING)
-        points = np.einsum("qv,mvc->mqc", SUBDIVISION, x[:, :3])
+        points = np.einsum("qv,mvc->mqc", SUBDIVISION, first.x[:, :3])
 
         def wanted(cells: NDArray[np.int64]) -> WantedSizes:
             return WantedSizes(
                 points[cells].reshape(-1, 2), np.repeat(sizes[cells], len(SUBDIVISION))
             )
 
-        return cls(size.bound, *map(wanted, bodies))
+        return cls(size.first, *map(wanted, first.bodies))
 
 
 class RefinedSizes:

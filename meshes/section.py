@@ -114,11 +114,13 @@ class _Section:
             else:
                 faces.insert(0, fit.lining)
         self._limb_sizes: Sizes = sizing.LimbSizes(loops, meets)
-        self._socket_sizes: Sizes = sizing.SocketSizes(*faces)
+        self._socket_faces = sizing.SocketSizes(*faces, skin=loops[meets])
+        self._socket_sizes: Sizes = self._socket_faces
+        self._is_refined = refinement is not None
         if refinement is not None:
-            self._limb_sizes = RefinedSizes(refinement.bound, self._limb_sizes, refinement.limb)
+            self._limb_sizes = RefinedSizes(refinement.first, self._limb_sizes, refinement.limb)
             self._socket_sizes = RefinedSizes(
-                refinement.bound, self._socket_sizes, refinement.socket
+                refinement.first, self._socket_sizes, refinement.socket
             )
         self._fields: tuple[MeshSize | None, tuple[SizeField, SizeField] | None] = (None, None)
 
@@ -143,9 +145,11 @@ class _Section:
     def _sizes(self, size: MeshSize) -> tuple[SizeField, SizeField]:
         """Sizes on the limb's side and on the socket's; those of the last size are kept."""
         if size != self._fields[0] or self._fields[1] is None:
-            fields = self._limb_sizes.field(size), self._socket_sizes.field(size)
-            self._fields = size, fields
-            return fields
+            on_limb, on_socket = self._limb_sizes.field(size), self._socket_sizes.field(size)
+            if self._is_refined:
+                on_socket = self._socket_faces.matched(on_socket, on_limb, size)
+            self._fields = size, (on_limb, on_socket)
+            return on_limb, on_socket
         return self._fields[1]
 
     def _room(self, mesh: TriangleMesh, size: MeshSize) -> float:

@@ -147,16 +147,6 @@ class AdaptiveSize:
     first: MeshSize = SIZES["medium"]
 
     @property
-    def bound(self) -> MeshSize:
-        """Size that no triangle exceeds: the first one, but along the contact as fine as "paper".
-
-        The highest shear of the contact settles with the sides there, which the errors of stress
-        within the skin hardly show.
-        """
-        fine = SIZES["paper"]
-        return replace(self.first, on_skin=fine.on_skin, socket_inner=fine.socket_inner)
-
-    @property
     def final(self) -> MeshSize:
         """Size of the refined mesh: a number of triangles."""
         # Trial meshes come as close as this from either side.
@@ -310,17 +300,35 @@ class LimbSizes:
 
 
 class SocketSizes:
-    """Element sizes of a socket, from its faces; a liner's inner face comes first."""
+    """Element sizes of a socket, from its faces; a liner's inner face comes first.
 
-    def __init__(self, *faces: ClosedCurve) -> None:
+    `skin` is the outline that the first of them meets.
+    """
+
+    def __init__(self, *faces: ClosedCurve, skin: ClosedCurve) -> None:
         points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in faces]
         self._on_face = [len(each) for each in points]
         self._around = Surroundings(np.concatenate(points))
+        on_skin = skin.evaluate(skin.sample(SAMPLE_STEP))
+        self._opposite = on_skin[_tree(on_skin).query(points[0])[1]]
 
     def field(self, size: MeshSize) -> SizeField:
         """Return the field of a size."""
         wanted = [size.socket_inner] * (len(self._on_face) - 1) + [size.socket_outer]
         return self._around.spread(np.repeat(wanted, self._on_face), size)
+
+    def matched(self, field: SizeField, limb: SizeField, size: MeshSize) -> SizeField:
+        """Return a field of the socket, no larger at the skin than that of the limb is there.
+
+        The face of a socket is stiff and a chain of edges. Skin that sticks to it follows its
+        motion, which is quadratic on each edge and has kinks between them: where sides of the skin
+        are shorter than the socket's, they see these kinks, and its shear goes up and down with
+        them.
+        """
+        sizes = np.full(sum(self._on_face), size.largest)
+        sizes[: self._on_face[0]] = limb.at(self._opposite)
+        values = np.minimum(field.values, self._around.spread(sizes, size).values)
+        return replace(field, values=values)
 
 
 def _tree(points: Array) -> cKDTree:

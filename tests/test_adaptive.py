@@ -16,7 +16,7 @@ from calfsocket.mechanics.load_steps import LoadSteps
 from calfsocket.meshes import refinement
 from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.quality import areas
-from calfsocket.meshes.refinement import MOST_REFINED, RefinedSizes, Refinement
+from calfsocket.meshes.refinement import MOST_REFINED, FirstError, RefinedSizes, Refinement
 from calfsocket.meshes.section import build
 from calfsocket.meshes.sizing import (
     ADAPTIVE_TRIANGLES,
@@ -28,7 +28,7 @@ from calfsocket.meshes.sizing import (
     checked_size,
     mesh_size,
 )
-from calfsocket.meshes.tags import SOCKET
+from calfsocket.meshes.tags import SKIN_SURFACE, SOCKET, SOCKET_INNER
 from calfsocket.meshes.triangles import SUBDIVISION, TriangleMesh
 from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.simulation import Monitor, Simulation
@@ -53,6 +53,10 @@ def error_near(mesh: TriangleMesh, x: float, y: float) -> np.ndarray:
     error = 1e-3 + np.exp(-(np.hypot(*(middle - (x, y)).T) ** 2) / 4.0)
     error[bodies(mesh)[1]] = 0.0
     return error
+
+
+def refined(mesh: TriangleMesh, error: np.ndarray, size: AdaptiveSize = SIZE) -> Refinement:
+    return Refinement.of(FirstError(mesh.coordinates, error, bodies(mesh)), size)
 
 
 def sides(mesh: TriangleMesh) -> np.ndarray:
@@ -101,7 +105,8 @@ def test_sides_follow_the_error(first):
     """Eight times the error, half the side: it falls with the third power."""
     error = np.ones(len(first.cells))
     error[::2] = 8.0
-    found = Refinement.of(first.coordinates, error, [np.arange(len(error))] * 2, SIZE).limb
+    given = FirstError(first.coordinates, error, [np.arange(len(error))] * 2)
+    found = Refinement.of(given, SIZE).limb
     ratio = found.sizes.reshape(len(error), -1)[:, 0] / sides(first)
     np.testing.assert_allclose(ratio[1::2], 2.0 * ratio[::2][: len(ratio[1::2])])
     # each triangle becomes as many as have its area
@@ -111,8 +116,9 @@ def test_sides_follow_the_error(first):
 def test_sides_become_at_most_so_many_times_smaller(first):
     error = error_near(first, 9.0, 0.0)
     error[0] = 1e3 * error.max()
-    given = first.coordinates, error, bodies(first), replace(SIZE, triangles=300_000)
-    found = Refinement.of(*given).limb.sizes.reshape(-1, len(SUBDIVISION))[:, 0]
+    found = refined(first, error, replace(SIZE, triangles=300_000)).limb.sizes.reshape(
+        -1, len(SUBDIVISION)
+    )[:, 0]
     ratio = sides(first)[bodies(first)[0]] / found
     assert ratio.max() == pytest.approx(MOST_REFINED)
     assert ratio.min() < 0.8 * MOST_REFINED
@@ -121,25 +127,22 @@ def test_sides_become_at_most_so_many_times_smaller(first):
 def test_the_last_digits_of_a_solution_do_not_reach_the_sides(first):
     error = error_near(first, 9.0, 0.0)
     noise = 1 + 1e-12 * np.random.default_rng(1).normal(size=len(error))
-    exact, noisy = (
-        Refinement.of(first.coordinates, each, bodies(first), SIZE)
-        for each in (error, error * noise)
-    )
+    exact, noisy = (refined(first, each) for each in (error, error * noise))
     assert np.unique(exact.limb.sizes).size > 20
     np.testing.assert_array_equal(exact.limb.sizes, noisy.limb.sizes)
     np.testing.assert_array_equal(exact.socket.sizes, noisy.socket.sizes)
 
 
 def test_without_an_error_the_field_is_that_of_the_first_mesh(first):
-    none = Refinement.of(first.coordinates, np.zeros(len(first.cells)), bodies(first), SIZE)
+    none = refined(first, np.zeros(len(first.cells)))
     before = LimbSizes(limb_curves(tiny_limb()), tiny_limb().contact_boundary)
-    field = RefinedSizes(SIZE.bound, before, none.limb).field(SIZE.bound)
-    assert np.all(field.values <= before.field(SIZE.bound).values)
+    field = RefinedSizes(SIZE.first, before, none.limb).field(SIZE.first)
+    assert np.all(field.values <= before.field(SIZE.first).values)
 
 
 def test_triangles_are_small_where_the_error_is(first):
     at = (9.0, 0.0)
-    wanted = Refinement.of(first.coordinates, error_near(first, *at), bodies(first), SIZE)
+    wanted = refined(first, error_near(first, *at))
     mesh = build(tiny_limb(), tiny_socket("A"), SIZE.final, None, wanted)
     assert len(mesh.cells) == pytest.approx(SIZE.triangles, rel=0.1)
     assert len(mesh.cells) <= SIZE.triangles
@@ -156,9 +159,25 @@ def test_triangles_are_small_where_the_error_is(first):
     assert np.percentile(found[near] / asked[near] / factor, [2, 98]) == pytest.approx(1, abs=0.5)
 
 
+def edges(mesh: TriangleMesh, boundary: str) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the edges of a boundary, and their lengths."""
+    ends = mesh.points[mesh.facets[mesh.facet_tags == mesh.boundaries[boundary], :2]]
+    return ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+
+
+def test_the_socket_has_edges_no_longer_than_those_of_the_skin_that_it_meets(first):
+    """It has no error of its own; what it does not resolve, the skin's shear shows."""
+    wanted = refined(first, error_near(first, 12.5, 0.0))
+    mesh = build(tiny_limb(), tiny_socket("A"), SIZE.final, None, wanted)
+    (on_skin, skin), (on_face, face) = (edges(mesh, name) for name in (SKIN_SURFACE, SOCKET_INNER))
+    opposite = skin[cKDTree(on_skin).query(on_face, 3)[1]].max(axis=1)
+    assert skin.min() < 0.4 * skin.max()
+    assert np.max(face / opposite) < 1.5  # 2 at least, and up to 8, without
+
+
 def test_the_same_errors_give_the_same_mesh(first):
     def made() -> bytes:
-        wanted = Refinement.of(first.coordinates, error_near(first, 0, 9), bodies(first), SIZE)
+        wanted = refined(first, error_near(first, 0, 9))
         mesh = build(tiny_limb(), tiny_socket("A"), SIZE.final, None, wanted)
         return mesh.points.tobytes() + mesh.cells.tobytes()
 

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from mpi4py import MPI
 from report_text import written
 
 from calfsocket.io.errors import ConvergenceError, InputError
-from calfsocket.meshes.sizing import mesh_size
+from calfsocket.meshes import sizing
+from calfsocket.meshes.sizing import any_size, mesh_size
 from calfsocket.postprocess.levels import STATISTICS
 from calfsocket.postprocess.mesh_error import error_of, of_levels, of_maxima, settled, times_change
 from calfsocket.report.words import measured
@@ -144,9 +146,8 @@ def test_results_have_it_in_python(solved):
     pd.testing.assert_frame_equal(file, levels, check_dtype=False, rtol=1e-9)
 
 
-def test_resume_adds_it_to_results_that_are_there(solved, tmp_path, monkeypatch):
-    out = tmp_path / "results"
-    assert tiny_study(out, ("A",)).run()
+def sizes_solved(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return a list to which each simulation adds the name of its mesh size when it is solved."""
     sizes: list[str] = []
     solve = Simulation.solve
 
@@ -155,10 +156,31 @@ def test_resume_adds_it_to_results_that_are_there(solved, tmp_path, monkeypatch)
         return solve(self, *words, **named)
 
     monkeypatch.setattr(Simulation, "solve", noted)
+    return sizes
+
+
+def test_resume_adds_it_to_results_that_are_there(solved, tmp_path, monkeypatch):
+    out = tmp_path / "results"
+    assert tiny_study(out, ("A",)).run()
+    sizes = sizes_solved(monkeypatch)
     for _ in range(2):  # and the second time nothing is left to do
         assert tiny_study(out, ("A",), mesh_error=True).run(resume=True)
         assert same(out, solved)
         assert sizes == ["twice the triangles of coarse"]
+
+
+def test_two_refined_meshes_follow_from_one_first_solution(tmp_path, monkeypatch):
+    sizes = sizes_solved(monkeypatch)
+    monkeypatch.setattr(sizing, "FEWEST_ADAPTIVE", 2000)
+    study = tiny_study(tmp_path, ("A",), mesh_error=True, size="adaptive-2000")
+    assert study.run()
+    twice = "twice the triangles of adaptive-2000"
+    assert sorted(sizes) == ["adaptive-2000", "medium", twice]
+    (result,) = load_results(tmp_path).values()
+    assert result.second.checks.cells == pytest.approx(2 * result.checks.cells, rel=0.1)
+    finer = any_size("adaptive-2000").second(0)
+    alone = study.plan.cases[0].simulation(MPI.COMM_SELF, finer).solve()
+    np.testing.assert_array_equal(result.second.fields.points, alone.fields.points)
 
 
 def test_a_second_mesh_that_fails_is_said_and_tried_again(solved, tmp_path, monkeypatch):

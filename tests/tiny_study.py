@@ -113,6 +113,7 @@ def tiny_study(
     pictures: bool = False,
     frictions: tuple[float, ...] = (),
     mesh_error: bool = False,
+    size: str = "coarse",
 ) -> TinyStudy:
     """Make the study; with frictions, a case for each of them and each socket."""
     limb = tiny_limb()
@@ -127,7 +128,7 @@ def tiny_study(
                 Document.model_validate(
                     {
                         "study": {"mesh_error": mesh_error},
-                        "model": {"size": "coarse", "friction": friction},
+                        "model": {"size": size, "friction": friction},
                     }
                 ),
                 of=(socket.name, "combined"),
@@ -265,7 +266,7 @@ def main(out: str, study: Mapping[str, Any], **how: Any) -> int:
     words = argparse.Namespace(
         out=out,
         study={
-            name: value if isinstance(value, bool) else tuple(value)
+            name: value if isinstance(value, bool | str) else tuple(value)
             for name, value in study.items()
         },
         ranks_per_case=how.get("ranks_per_case"),

@@ -1,4 +1,4 @@
-"""What a case leaves for the next one of its geometry: the mesh, and the problem set up on it."""
+"""What a case leaves for the next one: its mesh, the problem set up on it, its first solution."""
 
 import ctypes
 import gc
@@ -12,10 +12,11 @@ from calfsocket.materials.fields import kind
 from calfsocket.materials.law import Law
 from calfsocket.mechanics.problem import Problem
 from calfsocket.meshes.distributed import SectionMesh
+from calfsocket.meshes.refinement import FirstError
 
 
 class Prepared:
-    """Mesh and problem of the last case on a group of ranks.
+    """Mesh and problem of the last case on a group of ranks, and the error that refined its mesh.
 
     A case finds them as they were made, whatever the last one did with them, and has the same
     digits as alone.
@@ -27,6 +28,22 @@ class Prepared:
         self._points: np.ndarray = np.empty(0)
         self._kind: Hashable = None
         self._problem: Problem | None = None
+        self._first: tuple[Hashable, FirstError] | None = None
+
+    def first_error(self, inputs: Hashable, make: Callable[[], FirstError]) -> FirstError:
+        """Return the error of a first solution; that of the last one, if its inputs are the same.
+
+        `make` is collective.
+        """
+        if self._first is None or self._first[0] != inputs:
+            self._first = inputs, make()
+        return self._first[1]
+
+    def for_second_mesh(self) -> "Prepared":
+        """Return what a second mesh of the last case can use: the error of its first solution."""
+        second = Prepared()
+        second._first = self._first
+        return second
 
     def section(self, geometry: Hashable, make: Callable[[], SectionMesh]) -> SectionMesh:
         """Return the mesh of a geometry; the last one, if it has that (collective)."""
@@ -66,7 +83,7 @@ class Prepared:
         The next case does not fit into their gaps: without this, six cases come to twice the
         memory.
         """
-        self._section = self._problem = None
+        self._section = self._problem = self._first = None
         gc.collect()
         with suppress(AttributeError):  # not glibc
             ctypes.CDLL(None).malloc_trim(0)

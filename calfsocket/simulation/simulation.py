@@ -31,7 +31,7 @@ from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Fit, Lining, fitted
 from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.refinement import Refinement
+from calfsocket.meshes.refinement import FirstError, Refinement
 from calfsocket.meshes.section import build, section_mesh
 from calfsocket.meshes.sizing import AdaptiveSize, MeshSize, checked_size
 from calfsocket.meshes.socket import Socket
@@ -293,7 +293,7 @@ class Simulation:
         monitor.message("mesh and set-up", 0.0, True)
         precompile(self.comm, [self.materials], [self.liner.law] if self.liner else [])
         with self.phases("mesh"):
-            section = prepared.section(self.geometry, lambda: self._mesh(monitor))
+            section = prepared.section(self.geometry, lambda: self._mesh(monitor, prepared))
         with self.phases("setup"):
             laws = {name: self.region_laws[name] for name in section.regions}
             problem = prepared.problem(
@@ -356,7 +356,7 @@ class Simulation:
 
         format = checked_format(format)
 
-        size, refinement = self._refined(Monitor())
+        size, refinement = self._refined(Monitor(), Prepared())
 
         def work() -> tuple[str, ...]:
             _ = self.placement
@@ -383,27 +383,26 @@ class Simulation:
             undersize=liner.undersize if liner else 0.0,
         )
 
-    def _mesh(self, monitor: Monitor) -> SectionMesh:
+    def _mesh(self, monitor: Monitor, prepared: Prepared) -> SectionMesh:
         """Mesh the section (collective)."""
-        size, refinement = self._refined(monitor)
+        size, refinement = self._refined(monitor, prepared)
         return section_mesh(
             self.comm, self.limb, self.socket, size, self.liner, refinement, again=False
         )
 
-    def _refined(self, monitor: Monitor) -> tuple[MeshSize, Refinement | None]:
+    def _refined(self, monitor: Monitor, prepared: Prepared) -> tuple[MeshSize, Refinement | None]:
         """Return the final size and, if it is adaptive, its refinement (collective)."""
         size = self.mesh_size
         if not isinstance(size, AdaptiveSize):
             return size, None
-        monitor.message(f"first solution, mesh {size.first.name}", 0.0, True)
+        first = self._on_first_mesh(size)
         with self.phases("first solution"):
-            fields = self._first_solution(size, monitor).fields
-        x = fields.points[fields.cells]
-        return size.final, Refinement.of(x, recovery_error(fields), fields.bodies, size)
+            error = prepared.first_error(first.fingerprint, lambda: _first_error(first, monitor))
+        return size.final, Refinement.of(error, size)
 
-    def _first_solution(self, size: AdaptiveSize, monitor: Monitor) -> Result:
-        """Solve on the mesh that is to be refined; where that fails, return how far it came."""
-        simulation = Simulation(
+    def _on_first_mesh(self, size: AdaptiveSize) -> "Simulation":
+        """Return the donning of the socket on the mesh that is to be refined."""
+        return Simulation(
             self.limb,
             self.socket,
             self.materials,
@@ -416,12 +415,6 @@ class Simulation:
             donning=self.donning,
             liner=self.liner,
         )
-        try:
-            return simulation.solve()
-        except ConvergenceError as error:
-            load = error.result.record.checks.load
-            monitor.message(f"first solution stopped: {error}; it refines as of there", load, True)
-            return error.result
 
     def _keep_checkpoints(
         self, stepper: LoadStepper, monitor: Monitor, path: Path | None, resume: bool
@@ -577,6 +570,17 @@ class Simulation:
             seconds=self.phases.seconds,
             checks=checks,
         )
+
+
+def _first_error(simulation: Simulation, monitor: Monitor) -> FirstError:
+    """Solve on a first mesh and return its error; where that fails, as far as it came."""
+    monitor.message(f"first solution, mesh {simulation.mesh_size.name}", 0.0, True)
+    try:
+        fields = simulation.solve().fields
+    except ConvergenceError as error:
+        fields, load = error.result.fields, error.result.record.checks.load
+        monitor.message(f"first solution stopped: {error}; it refines as of there", load, True)
+    return FirstError(fields.points[fields.cells], recovery_error(fields), fields.bodies)
 
 
 def expanded_steps(steps: LoadSteps) -> LoadSteps:

@@ -244,7 +244,9 @@ class _CaseRunner(Monitor):
         about, why = SecondMesh(size=simulation.mesh_size.name), ""
         try:
             checkpoint = folder / SECOND_MESH / CHECKPOINT_FILE
-            second = simulation.solve(_OnSecondMesh(self), checkpoint, resume)
+            second = simulation.solve(
+                _OnSecondMesh(self), checkpoint, resume, prepared=self._prepared.for_second_mesh()
+            )
             on_both = result.on_second_mesh(second)
         except Exception as error:
             why = f"the second mesh ({about.size}): {in_one_line(error)}"
