@@ -14,7 +14,7 @@ from calfsocket.report.damage import DamageThresholds, damage
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, spread
 from calfsocket.report.words import TOGETHER, change, measured, number
-from report_results import contact_on_plate, plate, results_of
+from report_results import contact_on_plate, plate, result, results_of, with_second
 
 # --- damage
 
@@ -53,6 +53,25 @@ def test_damage_area():
     assert (rows.region == ["soleus", *["deep_fascia"] * 3]).all()
     higher = damage(study, DamageThresholds(57.0, 57.0))
     assert (higher.area_mm2 == 0).all()
+
+
+def test_damage_has_mesh_errors_by_the_second_mesh():
+    """A shear of 0.57 on a second mesh of twice as many elements: changes count fourfold."""
+    key = ("HS", "separate")
+    line = contact_on_plate(lambda arc: 10 + 0 * arc)
+    case = with_second(result(key, sheared(4, 0.6), line), result(key, sheared(5, 0.57), line))
+    found = damage(results_of({key: case}), DamageThresholds(40.0))
+    rows = found.set_index(["tissue", "quantity"])
+    e1, other = (100 * np.arcsinh(shear / 2) for shear in (0.6, 0.57))
+    for column in ("level_pct", "below_99.9_pct"):
+        error = rows[f"{column}_mesh_error"]["fascia", "amp_log_strain"]
+        assert error == pytest.approx(4 * (e1 - other))
+    # 4 and 5 of 12 mm
+    muscle = rows.loc[("muscle", "shear_log_strain")]
+    assert muscle.area_share_pct_mesh_error == pytest.approx(4 * 100 / 12)
+    assert muscle.area_mm2_mesh_error == pytest.approx(4 * 3)
+    text = tables.damage(found).markdown().replace(TOGETHER, " ")
+    assert "(12.0 ± 12.0* mm², 33.3 ± 33.3* %)" in text
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
@@ -95,6 +114,12 @@ def test_numbers_as_people_read_them(value, text):
 )
 def test_mesh_errors_have_the_decimals_of_their_numbers(value, error, text):
     assert measured(value, error).replace(TOGETHER, " ") == text
+
+
+def test_a_change_has_settled_where_the_ratio_has():
+    pairs = [(34.2, 2.6), (34.2, 2.8), (-98.0, 0.1), (3.4e5, 400.0), (0.0, 0.3)]
+    texts = [change(*pair).replace(TOGETHER, " ") for pair in pairs]
+    assert texts == ["+34 ± 3", "+34 ± 3*", "−98 ± <0.5*", "+3.4·10⁵ ± 400", "0.0 ± 0.3"]  # noqa: RUF001
 
 
 def test_changes_as_people_read_them():

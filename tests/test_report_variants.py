@@ -14,7 +14,7 @@ from calfsocket.report import variants
 from calfsocket.report.findings import Findings
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.results import Results
-from report_results import ALL, limb_study, result, results_of
+from report_results import ALL, contact_on, limb, limb_study, result, results_of, with_second
 
 HELD = {"model.socket_support": "outer-fixed"}
 NO_FRICTION = {"model.friction": 0.0}
@@ -84,6 +84,29 @@ def test_dependence_on_a_choice(tables):
     assert "base" not in rows.index.get_level_values("variant")
 
 
+def test_a_ratio_has_the_mesh_error_of_its_own_change():
+    """Twice the stress without friction, 2.1 times on a mesh of twice as many elements."""
+    base, other = ("TC", "separate"), ("TC@frictionless", "separate")
+    cases = {}
+    for key, factors in ((base, (1.0, 1.1)), (other, (2.0, 2.31))):
+        about = {"changes": NO_FRICTION} if key == other else {}
+        fields = [limb(factor) for factor in factors]
+        pair = [result(key, each, contact_on(each, 10.0), **about) for each in fields]
+        cases[key] = with_second(*pair)
+    table = variants.tables(results_of(cases))[1]
+    rows = table.data.set_index(["tissue", "quantity"])
+    for quantity in ("effective_stress", "effective_stress_below_99.9"):
+        row = rows.loc[("muscle", quantity)]
+        assert row["median"] == pytest.approx(2) and not row.robust
+        assert row.median_mesh_error == pytest.approx(4 * 0.1)
+    text = table.markdown().replace("\N{NO-BREAK SPACE}", " ")
+    said = "×2.00 ± 0.40* (2.00 ± 0.40* to 2.00 ± 0.40*) ↕"  # noqa: RUF001
+    assert f"| muscle, effective stress, Separate | {said} |" in text
+    # one without a second mesh
+    cases[base] = replace(cases[base], second=None)
+    assert not variants.second_quantities(variants.variants(results_of(cases))).size
+
+
 def test_claims_under_each_variant(tables):
     counted = tables["verdicts_by_variant"].set_index("variant")
     assert counted.index.tolist() == ["base", "frictionless", "socket-fixed"]
@@ -103,7 +126,7 @@ def test_tables_as_they_are_read(study):
         table.name: table for table in [*variants.tables(study), *choices.tables(Findings(study))]
     }
     assert "C023" not in made["claims_by_variant"].markdown()
-    assert "×2.00 (2.00 to 2.00) *" in made["dependence"].markdown()  # noqa: RUF001
+    assert "×2.00 (2.00 to 2.00) ↕" in made["dependence"].markdown()  # noqa: RUF001
 
 
 def test_the_page_counts_all_cases_and_says_what_is_left_out(study, tmp_path):
@@ -120,7 +143,8 @@ def test_the_page_counts_all_cases_and_says_what_is_left_out(study, tmp_path):
         "TC@socket-fixed_combined is left out: why",
         "Cases: those that reached their full load.",
         "Of the base; variants change some.",
-        "Magnitude under the variant over that of the base. *: it moves by more than 10 %.",
+        "Magnitude under the variant over that of the base; of tissues, of what 99.9 % of the area",
+        "↕: it moves by more than 10 %. The CSV file",
         "Every result is a stable equilibrium",
     ):
         assert sentence in report.text, sentence

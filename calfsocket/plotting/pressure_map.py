@@ -22,6 +22,7 @@ from calfsocket.plotting.style import (
     new_figure,
     type_set,
 )
+from calfsocket.postprocess.mesh_error import SETTLED, with_error
 from calfsocket.postprocess.pressure_map import (
     PLANE_STRAIN,
     WINDOW,
@@ -69,6 +70,8 @@ def draw(found: PressureMap) -> Figure:
         f"linearly. Values are running means over {WINDOW} along the skin, at its unloaded place. "
         f"{PLANE_STRAIN}"
     )
+    if any(np.isfinite(level.error_kPa) for level in found.levels):
+        note += f" ±: mesh error; *: not settled within {100 * SETTLED:g} %."
     figure.text(
         LEFT_MM / WIDTH_MM, 1.5 / height_mm(figure), "\n".join(textwrap.wrap(note, NOTE_LETTERS)),
         va="bottom", fontsize=6,
@@ -185,8 +188,10 @@ def _mark_largest(axes: Axes, found: PressureMap) -> None:
     row, column = np.unravel_index(np.nanargmax(pressure), pressure.shape)
     place = (angles()[column] - CUT_DEG) % 360, found.height_mm[row]
     axes.plot(*place, marker="+", color="black", markersize=8, markeredgewidth=1.0, zorder=5)
+    value = pressure[row, column]
+    said = with_error(f"{value:.0f}", value, found.levels[int(row)].error_kPa)
     axes.annotate(
-        f"{pressure[row, column]:.0f} kPa", place, xytext=(4, 4), textcoords="offset points",
+        f"{said} kPa", place, xytext=(4, 4), textcoords="offset points",
         fontsize=6.5, zorder=5, annotation_clip=False,
     )  # fmt: skip
 

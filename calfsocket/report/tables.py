@@ -10,12 +10,12 @@ import pandas as pd
 
 from calfsocket.materials.law import Law
 from calfsocket.postprocess.levels import NEARLY_ALL
-from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
-from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of, with_levels
+from calfsocket.postprocess.quantities import CONTACT_UNITS, REPORTED, UNITS
 from calfsocket.postprocess.thresholds import SHARE
 from calfsocket.report import along, method, names, variants
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import Table, in_words, spread
+from calfsocket.report.table import Table, in_words, settling, spread
 from calfsocket.report.words import TOGETHER, measured_all, number
 from calfsocket.simulation.result import STATE
 from calfsocket.simulation.results import KEY, Results
@@ -93,12 +93,15 @@ def maxima(results: Results) -> Table:
 
 
 def states(results: Results) -> Table:
-    """Largest values of every case in each state of its stages of loading."""
-    data = results.states
-    if data.empty:
-        return Table("states", data, data)
-    shown = in_words(data[data.quantity.isin((*UNITS, *CONTACT_UNITS))])
-    shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
+    """Levels by area and contact of every case in each state of its stages of loading.
+
+    Those of the paper's rule are in the file.
+    """
+    if results.states.empty:
+        return Table("states", results.states, results.states)
+    data = with_levels(results.states, results.levels_of_states)
+    shown = in_words(settling(data))
+    shown = shown.assign(quantity=shown["quantity"] + ", " + shown.unit)
     cells = spread(
         shown,
         ["tissue", "quantity"],
@@ -119,11 +122,11 @@ def thresholds(results: Results) -> Table:
 
 def damage(data: pd.DataFrame) -> Table:
     """Strains against damage thresholds (`damage.damage`)."""
+    columns = ("below_99.9_pct", "area_mm2", "area_share_pct")
+    said = [measured_all(data[column], data, error_of(column)) for column in columns]
     text = [
-        f"{number(below)} ({number(area)}{TOGETHER}mm²,{TOGETHER}{number(share)}{TOGETHER}%)"
-        for below, area, share in zip(
-            data["below_99.9_pct"], data.area_mm2, data.area_share_pct, strict=True
-        )
+        f"{below} ({area}{TOGETHER}mm²,{TOGETHER}{share}{TOGETHER}%)"
+        for below, area, share in zip(*said, strict=True)
     ]
     shown = in_words(data).assign(threshold=[f"{limit:g} %" for limit in data.threshold_pct])
     return _by_case("damage", data, shown, ["quantity", "threshold"], text)
@@ -144,9 +147,34 @@ def sweep(results: Results) -> Table:
     data = pd.read_csv(path, dtype=dict.fromkeys(KEY, str))
     solved = [key in results for key in zip(data.socket, data.material_set, strict=True)]
     data = data[solved].dropna(axis="columns", how="all")
-    shown = data.set_index("case").drop(columns=[*KEY, "status"])
-    return Table(
-        "sweep",
-        data,
-        shown.map(lambda value: number(value) if isinstance(value, float) else value),
-    )
+    cases = data.set_index("case")
+    largest = [name.replace(f"_{NEARLY_ALL}", "") for name in data if f"_{NEARLY_ALL}_" in name]
+    errors = [name for name in data if name.endswith(MESH_ERROR)]
+    said = {}
+    for column in cases.columns.drop([*KEY, "status", *errors, *largest], errors="ignore"):
+        cells = cases[column].map(lambda cell: number(cell) if isinstance(cell, float) else cell)
+        if error_of(column) in cases:
+            cells = measured_all(cases[column], cases, error_of(column))
+        said[_heading(column)] = cells
+    return Table("sweep", data, pd.DataFrame(said, index=cases.index))
+
+
+_HEADINGS = {
+    f"{tissue}_{name}_{NEARLY_ALL}_{unit.replace('%', 'percent')}": f"{tissue}: {words}, {unit}"
+    for tissue in REPORTED
+    for name, unit in UNITS.items()
+    for words in [names.QUANTITIES[name]]
+} | {
+    f"{name}_{unit.replace('%', 'percent')}": f"{names.QUANTITIES[name]}, {unit}"
+    for name, unit in CONTACT_UNITS.items()
+}
+
+
+def _heading(column: str) -> str:
+    """Return the heading of a result of a sweep in words, its state behind; else the column's."""
+    for name, words in _HEADINGS.items():
+        if column == name:
+            return words
+        if column.startswith(f"{name}_"):
+            return f"{words}, {column.removeprefix(f'{name}_')}"
+    return column

@@ -9,17 +9,23 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from calfsocket.report.table import Table, in_words, spread
-from calfsocket.report.words import TIMES, number
+from calfsocket.postprocess.mesh_error import error_of, with_levels
+from calfsocket.report.table import Table, in_words, settling, spread
+from calfsocket.report.words import TIMES, measured_all
 from calfsocket.simulation.record import CaseRecord
-from calfsocket.simulation.results import KEY, Results
+from calfsocket.simulation.results import KEY, Results, of_case
 
 BASE = "base"
 
 ROBUST = 1.1
 """A quantity whose median moves by no more than this factor is called robust."""
 
+MOVES = "\N{UP DOWN ARROW}"
+"""Mark of one that is not."""
+
 _ROW = ["tissue", "quantity", "material_set"]
+_GROUP = [*_ROW, "variant"]
+_STATISTICS = ("median", "low", "high")
 
 
 def variants(study: Results) -> dict[str, Results]:
@@ -50,14 +56,43 @@ def changes_of(record: CaseRecord) -> str:
 
 
 def quantities(of: Mapping[str, Results]) -> pd.DataFrame:
-    """Every quantity of the summary under each variant, beside the base's; one row each."""
+    """Every quantity under each variant, beside the base's; one row each.
+
+    Those of the summary, and levels by area (`with_levels`).
+    """
+    numbers = {name: with_levels(each.summary, each.levels) for name, each in of.items()}
+    return _beside_base(numbers)
+
+
+def second_quantities(of: Mapping[str, Results]) -> pd.DataFrame:
+    """Return the same on second meshes, with `times` by which changes to these count.
+
+    Of cases that have one; empty where none has.
+    """
+    numbers: dict[str, pd.DataFrame] = {}
+    for variant, results in of.items():
+        parts = []
+        for key, record in results.records.items():
+            result = results[key] if record.has_second_mesh else None
+            if result is not None and result.second is not None:
+                second = result.second
+                rows = with_levels(second.summary(), second.levels())
+                parts.append(of_case(rows, record, key).assign(times=result.times_change))
+        numbers[variant] = pd.concat(parts) if parts else pd.DataFrame()
+    if numbers[BASE].empty:
+        return pd.DataFrame()
+    return _beside_base({name: rows for name, rows in numbers.items() if len(rows)})
+
+
+def _beside_base(numbers: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     key = [*KEY, "tissue", "quantity"]
-    base = of[BASE].summary.set_index(key).value.rename("base")
+    base = numbers[BASE].set_index(key).value.rename("base")
+    more = [name for name in ("times",) if name in numbers[BASE]]
     parts = [
-        results.summary.join(base, on=key, how="inner")[[*key, "unit", "value", "base"]].assign(
+        rows.join(base, on=key, how="inner")[[*key, "unit", "value", "base", *more]].assign(
             variant=variant
         )
-        for variant, results in of.items()
+        for variant, rows in numbers.items()
     ]
     table = pd.concat(parts, ignore_index=True)
     return table.assign(
@@ -66,25 +101,48 @@ def quantities(of: Mapping[str, Results]) -> pd.DataFrame:
     )
 
 
-def dependence(table: pd.DataFrame) -> pd.DataFrame:
+def dependence(table: pd.DataFrame, second: pd.DataFrame | None = None) -> pd.DataFrame:
     """Sum `quantities` up: how much each variant moves each quantity of a tissue.
+
+    Parameters
+    ----------
+    table
+        That of `quantities`.
+    second
+        That of `second_quantities`.
 
     Returns
     -------
     DataFrame
         One row a tissue, quantity, material set and variant other than the base: median, low and
         high of the ratio over sockets, and `robust`: whether the median is within `ROBUST` of 1.
+        Where cases have second meshes, each of the three has a column with its mesh error, by its
+        own change: errors of two cases on one mesh are alike. It is empty where a case has none.
     """
+    found = _summed_up(table)
+    if second is None or second.empty:
+        return found.reset_index()
+    other = _summed_up(second).reindex(found.index)
+    times = second.groupby(_GROUP, sort=False).times.max().reindex(found.index)
+    times = times.where(other.cases == found.cases)
+    errors = {error_of(name): times * (found[name] - other[name]).abs() for name in _STATISTICS}
+    return found.assign(**errors).reset_index()
+
+
+def _summed_up(table: pd.DataFrame) -> pd.DataFrame:
     changed = table[table.variant != BASE].dropna(subset="ratio")
-    ratios = changed.groupby([*_ROW, "variant"], sort=False).ratio
-    found = ratios.agg(median="median", low="min", high="max").reset_index()
+    ratios = changed.groupby(_GROUP, sort=False).ratio
+    found = ratios.agg(median="median", low="min", high="max", cases="size")
     return found.assign(robust=found["median"].between(1 / ROBUST, ROBUST))
 
 
 def tables(study: Results) -> list[Table]:
     """Return the tables of variants and of what depends on them; none without variants."""
     of = variants(study)
-    return [_variants_table(of), _dependence_table(dependence(quantities(of)))] if of else []
+    if not of:
+        return []
+    found = dependence(quantities(of), second_quantities(of))
+    return [_variants_table(of), _dependence_table(found)]
 
 
 def _variants_table(of: Mapping[str, Results]) -> Table:
@@ -99,9 +157,10 @@ def _variants_table(of: Mapping[str, Results]) -> Table:
 
 
 def _dependence_table(data: pd.DataFrame) -> Table:
+    rows = settling(data)
+    said = [measured_all(rows[name], rows, error_of(name)) for name in _STATISTICS]
     text = [
-        f"{TIMES}{number(row.median)} ({number(row.low)} to {number(row.high)})"
-        + ("" if row.robust else " *")
-        for row in data.itertuples()
+        f"{TIMES}{median} ({low} to {high})" + ("" if robust else f" {MOVES}")
+        for median, low, high, robust in zip(*said, rows.robust, strict=True)
     ]
-    return Table("dependence", data, spread(in_words(data), _ROW, ["variant"], text))
+    return Table("dependence", data, spread(in_words(rows), _ROW, ["variant"], text))

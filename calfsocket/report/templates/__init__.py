@@ -31,8 +31,9 @@ def tidy(text: str) -> str:
 
 
 def commands(text: str) -> Markup:
-    """Return a text in which what stands in backticks is set as code."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
+    """Return a text in which what stands in backticks is set as code, options unbroken."""
+    code = re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
+    return Markup(re.sub(r"(?<![a-z-])(--[a-z-]+)", r'<span class="option">\1</span>', code))
 
 
 def read(name: str, package: str = PACKAGE) -> str | None:
