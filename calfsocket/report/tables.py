@@ -155,8 +155,13 @@ def sweep(results: Results) -> Table:
         cells = cases[column].map(lambda cell: number(cell) if isinstance(cell, float) else cell)
         if error_of(column) in cases:
             cells = measured_all(cases[column], cases, error_of(column))
-        said[_heading(column)] = cells
+        said[heading(column)] = cells
     return Table("sweep", data, pd.DataFrame(said, index=cases.index))
+
+
+def swept_results(data: pd.DataFrame) -> list[str]:
+    """Return the columns of a sweep's table with results that a report shows."""
+    return [name for name in data if heading(name) != name and not name.endswith(MESH_ERROR)]
 
 
 _HEADINGS = {
@@ -170,8 +175,15 @@ _HEADINGS = {
 }
 
 
-def _heading(column: str) -> str:
+def heading(column: str) -> str:
     """Return the heading of a result of a sweep in words, its state behind; else the column's."""
+    tissue, share, of = column.partition(f"_{SHARE}")
+    if share:
+        threshold, _, state = of.partition("_in_percent")
+        quantity, _, limit = threshold.partition("_above_")
+        limit = limit.replace("_percent", " %").replace("_", " ")
+        words = f"{tissue}: beyond {limit} {names.QUANTITIES.get(quantity, quantity)}, %"
+        return f"{words}, {state.removeprefix('_')}" if state else words
     for name, words in _HEADINGS.items():
         if column == name:
             return words
