@@ -21,6 +21,8 @@ from calfsocket.postprocess.mesh_error import (
     with_error,
     with_levels,
 )
+from calfsocket.report import tables as report_tables
+from calfsocket.report.loads import stages_of
 from calfsocket.report.words import measured
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
@@ -228,7 +230,22 @@ def test_states_of_loads_have_it_as_well(tmp_path):
     (result,) = load_results(tmp_path).values()
     state = result.states["turned"]
     assert state.second.record.state.stage == "turned" and not state.second.states
-    assert "mesh_error" in load_results(tmp_path).states
+    results = load_results(tmp_path)
+    assert "mesh_error" in results.states
+    stages = {stage.name: stage for stage in stages_of(result)}
+    error = summary.set_index(["state", "quantity"]).mesh_error["turned", "contact_pressure_max"]
+    assert stages["turned"].largest == measured(stages["turned"].largest_kPa, error)
+    work = [each.curve.dissipated_N_mm_per_mm.iloc[-1] for each in (result, result.second)]
+    assert stages["turned"].dissipated == measured(
+        work[0], result.times_change * abs(work[0] - work[1])
+    )
+    shown = report_tables.states(results)
+    assert list(shown.shown.columns.get_level_values("state")) == ["donned", "turned"]
+    (row,) = shown.data.query(
+        "tissue == 'skin' and quantity == 'effective_stress_below_99.9' and state == 'turned'"
+    ).itertuples()
+    text = shown.shown.loc[("skin", "effective stress, kPa")].iloc[1]
+    assert text == measured(row.value, row.mesh_error) == stages["turned"].skin and "±" in text
 
 
 def test_two_ranks_that_solve_a_case_together_give_the_same(solved, tmp_path, mpirun):

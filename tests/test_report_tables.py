@@ -154,6 +154,35 @@ def test_tables_are_written_in_three_forms(six_results, tmp_path):
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in lines}) == 1
 
 
+def test_a_sweep_shows_what_settles_with_mesh_errors_and_has_the_rest_in_its_file(tmp_path):
+    fields = plate()
+    line = contact_on_plate(lambda arc: 10 + 0 * arc)
+    key = ("A@f=0.2", "m")
+    study = results_of({key: (fields, line)}, folder=tmp_path)
+    columns = {"case": "A@f=0.2_m", "socket": key[0], "material_set": key[1], "model.friction": 0.2}
+    numbers = {
+        "contact_pressure_max_kPa": 12.5,
+        "skin_effective_stress_below_99.9_kPa": 7.25,
+        "skin_effective_stress_kPa": 9.0,
+        "skin_share_of_contact_pressure_above_40_kPa_in_percent": 3.0,
+        "skin_effective_stress_below_99.9_kPa_stance": 8.5,
+    }
+    errors = {f"{name}_mesh_error": 0.03 * value + 0.01 for name, value in numbers.items()}
+    row = pd.DataFrame([columns | numbers | errors]).assign(status="solved")
+    row.to_csv(tmp_path / "sweep.csv", index=False)
+    table = tables.sweep(study)
+    assert table.shown.columns.tolist() == [
+        "model.friction",
+        "largest contact pressure, kPa",
+        "skin: effective stress, kPa",
+        "skin: beyond 40 kPa contact pressure, %",
+        "skin: effective stress, kPa, stance",
+    ]
+    shown = [text.replace(TOGETHER, " ") for text in table.shown.iloc[0]]
+    assert shown[:3] == ["0.200", "12.5 ± 0.4*", "7.25 ± 0.23*"]
+    assert table.data["skin_effective_stress_kPa_mesh_error"].tolist() == [0.28]
+
+
 def test_html_is_escaped():
     data = pd.DataFrame({"a": ["x"]})
     shown = pd.DataFrame({"<b>": ["<i>&"]}, index=["1 < 2"])

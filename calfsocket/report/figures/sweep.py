@@ -1,5 +1,6 @@
 """What comes of a parameter of a sweep: a panel for each result, a curve for each other choice."""
 
+import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -20,6 +21,7 @@ from calfsocket.simulation.record import KEY
 from calfsocket.simulation.results import Results
 
 MOST_CURVES, MOST_PANELS = 10, 12
+TITLE_LETTERS, CURVE_LETTERS = 45, 120
 
 # Of panels, mm.
 ABREAST, PANEL_MM, LEFT_MM, HEAD_MM, FOOT_MM, LINE_MM = 3, 38.0, 12.0, 6.0, 11.0, 4.0
@@ -77,29 +79,43 @@ def _choice(column: str, value: Any) -> str:
 
 def draw(data: pd.DataFrame, parameter: str, others: Sequence[str]) -> Figure:
     """Draw results over a parameter, with mesh errors where there are any."""
-    results = swept_results(data)[:MOST_PANELS]
-    curves = dict([*curves_of(data, parameter, others).items()][:MOST_CURVES])
-    rows = -(-len(results) // ABREAST)
-    foot = LINE_MM * len(curves) + 2.0
+    results, curves = swept_results(data), curves_of(data, parameter, others)
+    panels, shown = results[:MOST_PANELS], dict([*curves.items()][:MOST_CURVES])
+    rows = -(-len(panels) // ABREAST)
+    foot = LINE_MM * len(shown) + LINE_MM
     figure = new_figure(rows * (HEAD_MM + PANEL_MM + FOOT_MM) + foot)
     width = WIDTH_MM / ABREAST
-    for place, result in enumerate(results):
+    for place, result in enumerate(panels):
         row, column = divmod(place, ABREAST)
         bottom = foot + (rows - 1 - row) * (HEAD_MM + PANEL_MM + FOOT_MM) + FOOT_MM
         axes = add_axes(figure, LEFT_MM + column * width, bottom, width - LEFT_MM - 2.0, PANEL_MM)
-        _draw_curves(axes, curves, parameter, result)
-        axes.set_title(heading(result), fontsize=7.5)
-        axes.set_xlabel(parameter, fontsize=7)
-    figure.legend(
-        handles=[Line2D([], [], color=f"C{i}", marker=".", label=name)
-                 for i, name in enumerate(curves)],
-        loc="lower left", frameon=False, borderaxespad=0.4,
-    )  # fmt: skip
+        _draw_curves(axes, [*shown.values()], parameter, result)
+        axes.set_title(textwrap.shorten(heading(result), TITLE_LETTERS), fontsize=7.5)
+        axes.set_xlabel(parameter, fontsize=7, parse_math=False)
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=f"C{number}",
+            marker=".",
+            label=textwrap.shorten(name, CURVE_LETTERS),
+        )
+        for number, name in enumerate(shown)
+    ]
+    legend = figure.legend(handles=handles, loc="lower left", frameon=False, borderaxespad=0.4)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+    if len(panels) < len(results) or len(shown) < len(curves):
+        left_out = (
+            f"{len(panels)} of {len(results)} results, {len(shown)} of {len(curves)} curves; "
+            "all are in sweep.csv"
+        )
+        figure.text(0.99, 0.002, left_out, ha="right", va="bottom", fontsize=6)
     return figure
 
 
-def _draw_curves(axes: Axes, curves: dict[str, pd.DataFrame], parameter: str, result: str) -> None:
-    for number, rows in enumerate(curves.values()):
+def _draw_curves(axes: Axes, curves: Sequence[pd.DataFrame], parameter: str, result: str) -> None:
+    for number, rows in enumerate(curves):
         error = rows.get(error_of(result), pd.Series(np.nan, rows.index))
         axes.errorbar(
             rows[parameter], rows[result], yerr=error.fillna(0.0), color=f"C{number}", marker=".",
