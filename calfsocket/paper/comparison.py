@@ -96,11 +96,25 @@ def changes(findings: Findings) -> pd.DataFrame:
     return compared.join(rows[[*more, "paper_magnitude", "region", "note"]])
 
 
+def quantile(cells: pd.DataFrame, share: float) -> tuple[float, float]:
+    """Return a quantile of ratios, and its mesh error: NaN where a cell has none.
+
+    It is by how much the quantile moves where all ratios move by their own mesh errors, one way or
+    the other.
+    """
+    value = float(cells.ratio.quantile(share))
+    if error_of("ours") not in cells or cells[error_of("ours")].isna().any():
+        return value, np.nan
+    error = cells[error_of("ours")] / cells.paper.abs()
+    ends = [(cells.ratio + side * error).quantile(share) for side in (-1, 1)]
+    return value, float(np.abs(np.array(ends) - value).max())
+
+
 def agreement(cells: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     """Median and worst ratio of groups of cells, and where the worst is.
 
-    The worst ratio is the one farthest from 1 in either direction, by its logarithm; it has a mesh
-    error where its cell has one.
+    The worst ratio is the one farthest from 1 in either direction, by its logarithm. Both have mesh
+    errors where their cells have.
     """
     cells = cells.dropna(subset="ratio")
     far = np.abs(np.log(cells.ratio.clip(lower=np.finfo(float).tiny)))
@@ -113,5 +127,7 @@ def agreement(cells: pd.DataFrame, by: list[str]) -> pd.DataFrame:
         sign_flips=groups.sign_flip.sum().to_numpy(),
     )
     if error_of("ours") in worst:
+        errors = [quantile(rows, 0.5)[1] for _, rows in groups]
+        found[error_of("median_ratio")] = errors
         found[error_of("worst_ratio")] = (worst[error_of("ours")] / worst.paper.abs()).to_numpy()
     return found

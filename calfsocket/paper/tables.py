@@ -77,7 +77,7 @@ def _agreement(maxima: pd.DataFrame) -> Table:
             "tissue": data.tissue.map(names.TISSUES),
             "set": data.material_set.map(names.material_set),
             "cells": data.cells.map(str),
-            "median ratio": data.median_ratio.map(number),
+            "median ratio": measured_all(data.median_ratio, data, error_of("median_ratio")),
             "worst ratio": measured_all(data.worst_ratio, data, error_of("worst_ratio")),
             "worst in": [f"{socket}, {names.QUANTITIES[name]}" for socket, name in places],
             "signs that differ": data.sign_flips.map(str),

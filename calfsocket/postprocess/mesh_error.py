@@ -152,12 +152,13 @@ def with_error(text: str, value: float, error: float, written: str = "", of: flo
     written
         How the error is written, where not with decimals.
     of
-        What a change in percent is a change of, 100: it has settled where the sum has.
+        What a change in percent is a change of, 100: it has settled where its error is small
+        beside the larger of the two numbers.
     """
     if not (np.isfinite(error) and np.isfinite(value)) or value == 0 == error:
         return text
     decimals = len(text.partition(".")[2])
     half = 0.5 * 10.0**-decimals
     small = f"<{half:.{decimals + 1}f}" if error < half else f"{error:.{decimals}f}"
-    star = "" if settled(value + of, error) else "*"
+    star = "" if settled(max(abs(value + of), of), error) else "*"
     return f"{text}{TOGETHER}\N{PLUS-MINUS SIGN}{TOGETHER}{written or small}{star}"

@@ -45,7 +45,7 @@ def measured_all(values: "pd.Series[float]", rows: pd.DataFrame, column: str) ->
 def change(value: float, error: float = np.nan) -> str:
     """Return a change in percent with its sign, without decimals from 10 on, and its mesh error.
 
-    It has settled where the ratio of which it is the change has.
+    It has settled where the error is small beside the larger of the two numbers.
     """
     text = _change(value)
     large = abs(value) >= LARGEST
