@@ -104,7 +104,42 @@ def test_a_ratio_has_the_mesh_error_of_its_own_change():
     assert f"| muscle, effective stress, Separate | {said} |" in text
     # one without a second mesh
     cases[base] = replace(cases[base], second=None)
-    assert not variants.second_quantities(variants.variants(results_of(cases))).size
+    assert "median_mesh_error" not in variants.tables(results_of(cases))[1].data
+
+
+def test_the_ratio_of_a_level_counts_with_the_next_one():
+    """Without friction 0.9 % of the muscle have 100 kPa more, and on the second mesh 1.1 %."""
+    base, other = ("TC", "separate"), ("TC@frictionless", "separate")
+    cases = {}
+    for key, shares in ((base, (0.0, 0.0)), (other, (0.9, 1.1))):
+        about = {"changes": NO_FRICTION} if key == other else {}
+        pair = []
+        for share in shares:
+            fields = limb(1.0)
+            muscle = fields.cells_of("muscle")
+            area = fields.gauss_area[muscle].sum(axis=1)
+            more = muscle[100 * np.cumsum(area) <= share * area.sum()]
+            stress = fields.stress.copy()
+            stress[more, :, 0] += 100
+            pair.append(
+                result(key, replace(fields, stress=stress), contact_on(fields, 10.0), **about)
+            )
+        cases[key] = with_second(*pair)
+    rows = variants.quantities(variants.variants(results_of(cases)))
+    rows = rows[rows.variant != "base"].set_index(["tissue", "quantity"])
+    assert rows.ratio_mesh_error["muscle", "effective_stress_below_99.9"] > 1
+    assert not any(name.endswith("_99") for _, name in rows.index)
+
+
+def test_a_median_of_ratios_moves_no_more_than_its_ratios():
+    rows = {"tissue": "fat", "quantity": "q", "material_set": "m", "variant": "v"}
+    table = pd.DataFrame({**rows, "ratio": [1.0, 1.3], "ratio_mesh_error": [0.2, 0.1]})
+    found = variants.dependence(table).iloc[0]
+    assert found["median_mesh_error"] == pytest.approx(0.15)
+    assert found["low_mesh_error"] == pytest.approx(0.2)
+    assert found["high_mesh_error"] == pytest.approx(0.1)
+    table.loc[0, "ratio_mesh_error"] = np.nan
+    assert np.isnan(variants.dependence(table).iloc[0]["median_mesh_error"])
 
 
 def test_claims_under_each_variant(tables):

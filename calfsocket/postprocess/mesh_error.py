@@ -102,13 +102,17 @@ def of_levels(first: "pd.DataFrame", second: "pd.DataFrame", times: float) -> "p
     return first.assign(**{error_of(name): errors[error_of(name)] for name in STATISTICS})
 
 
-def with_levels(summary: "pd.DataFrame", levels: "pd.DataFrame") -> "pd.DataFrame":
+def with_levels(
+    summary: "pd.DataFrame", levels: "pd.DataFrame", level: str = NEARLY_ALL
+) -> "pd.DataFrame":
     """Return rows of a summary, and behind them what nearly all of each tissue stays below.
 
     Parameters
     ----------
     summary, levels
         Of the same cases, both with or both without mesh errors; more columns stay.
+    level
+        One of `BELOW`.
 
     Returns
     -------
@@ -119,9 +123,9 @@ def with_levels(summary: "pd.DataFrame", levels: "pd.DataFrame") -> "pd.DataFram
     import pandas as pd
 
     whole = levels[levels.region.fillna("") == ""]
-    found = {"quantity": whole["quantity"] + f"_{NEARLY_ALL}", "value": whole[NEARLY_ALL]}
-    if error_of(NEARLY_ALL) in whole:
-        found[MESH_ERROR] = whole[error_of(NEARLY_ALL)]
+    found = {"quantity": whole["quantity"] + f"_{level}", "value": whole[level]}
+    if error_of(level) in whole:
+        found[MESH_ERROR] = whole[error_of(level)]
     rows = whole.assign(**found)
     columns = [name for name in rows if name in summary]
     return pd.concat([summary, rows[columns]], ignore_index=True)

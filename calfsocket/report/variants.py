@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
+from calfsocket.postprocess.levels import BELOW, NEARLY_ALL
 from calfsocket.postprocess.mesh_error import error_of, with_levels
 from calfsocket.report.table import Table, in_words, settling, spread
 from calfsocket.report.words import TIMES, measured_all
@@ -25,6 +26,9 @@ MOVES = "\N{UP DOWN ARROW}"
 
 _ROW = ["tissue", "quantity", "material_set"]
 _GROUP = [*_ROW, "variant"]
+NEXT = f"_{BELOW[-2]}"
+NEARLY = f"_{NEARLY_ALL}"
+"""Ends of the names of the level of nearly all, and of the one next to it."""
 _STATISTICS = ("median", "low", "high")
 
 
@@ -58,40 +62,46 @@ def changes_of(record: CaseRecord) -> str:
 def quantities(of: Mapping[str, Results]) -> pd.DataFrame:
     """Every quantity under each variant, beside the base's; one row each.
 
-    Those of the summary, and levels by area (`with_levels`).
+    Those of the summary, and levels by area (`with_levels`). Where cases have second meshes,
+    `ratio_mesh_error` is by the change of the ratio itself: errors of two cases on one mesh are
+    alike. As everywhere, that of a level is by the largest change among itself and the next one.
     """
-    numbers = {name: with_levels(each.summary, each.levels) for name, each in of.items()}
-    return _beside_base(numbers)
+    table = _beside_base({name: _numbers(each.summary, each.levels) for name, each in of.items()})
+    is_next = table["quantity"].str.endswith(NEXT)
+    second = {name: _on_second_meshes(each) for name, each in of.items()}
+    if any(map(len, second.values())) and len(second[BASE]):
+        other = _beside_base({name: rows for name, rows in second.items() if len(rows)})
+        row = [*KEY, "tissue", "quantity", "variant"]
+        both = table.merge(other[[*row, "ratio", "times"]], "left", row, suffixes=("", "_second"))
+        error = both.times * (both.ratio - both.ratio_second).abs()
+        level = both["quantity"].where(~is_next, both["quantity"].str.removesuffix(NEXT) + NEARLY)
+        groups = [both[name] if name != "quantity" else level for name in row]
+        table[error_of("ratio")] = error.groupby(groups).transform("max")
+    return table[~is_next].reset_index(drop=True)
 
 
-def second_quantities(of: Mapping[str, Results]) -> pd.DataFrame:
-    """Return the same on second meshes, with `times` by which changes to these count.
+def _numbers(summary: pd.DataFrame, levels: pd.DataFrame) -> pd.DataFrame:
+    rows = with_levels(summary, levels), with_levels(summary.iloc[:0], levels, BELOW[-2])
+    return pd.concat([each for each in rows if len(each)], ignore_index=True)
 
-    Of cases that have one; empty where none has.
-    """
-    numbers: dict[str, pd.DataFrame] = {}
-    for variant, results in of.items():
-        parts = []
-        for key, record in results.records.items():
-            result = results[key] if record.has_second_mesh else None
-            if result is not None and result.second is not None:
-                second = result.second
-                rows = with_levels(second.summary(), second.levels())
-                parts.append(of_case(rows, record, key).assign(times=result.times_change))
-        numbers[variant] = pd.concat(parts) if parts else pd.DataFrame()
-    if numbers[BASE].empty:
-        return pd.DataFrame()
-    return _beside_base({name: rows for name, rows in numbers.items() if len(rows)})
+
+def _on_second_meshes(results: Results) -> pd.DataFrame:
+    """Return the numbers of cases that have a second mesh, and `times` their changes count."""
+    parts = []
+    for key, record in results.records.items():
+        result = results[key] if record.has_second_mesh else None
+        if result is not None and result.second is not None:
+            rows = _numbers(result.second.summary(), result.second.levels())
+            parts.append(of_case(rows, record, key).assign(times=result.times_change))
+    return pd.concat(parts) if parts else pd.DataFrame()
 
 
 def _beside_base(numbers: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     key = [*KEY, "tissue", "quantity"]
     base = numbers[BASE].set_index(key).value.rename("base")
-    more = [name for name in ("times",) if name in numbers[BASE]]
+    columns = [*key, "unit", "value", "base", *(["times"] if "times" in numbers[BASE] else [])]
     parts = [
-        rows.join(base, on=key, how="inner")[[*key, "unit", "value", "base", *more]].assign(
-            variant=variant
-        )
+        rows.join(base, on=key, how="inner")[columns].assign(variant=variant)
         for variant, rows in numbers.items()
     ]
     table = pd.concat(parts, ignore_index=True)
@@ -101,39 +111,34 @@ def _beside_base(numbers: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     )
 
 
-def dependence(table: pd.DataFrame, second: pd.DataFrame | None = None) -> pd.DataFrame:
+def dependence(table: pd.DataFrame) -> pd.DataFrame:
     """Sum `quantities` up: how much each variant moves each quantity of a tissue.
-
-    Parameters
-    ----------
-    table
-        That of `quantities`.
-    second
-        That of `second_quantities`.
 
     Returns
     -------
     DataFrame
         One row a tissue, quantity, material set and variant other than the base: median, low and
         high of the ratio over sockets, and `robust`: whether the median is within `ROBUST` of 1.
-        Where cases have second meshes, each of the three has a column with its mesh error, by its
-        own change: errors of two cases on one mesh are alike. It is empty where a case has none.
+        Where cases have second meshes, each of the three has a column with its mesh error: by how
+        much it moves where all ratios move by theirs, one way or the other.
     """
-    found = _summed_up(table)
-    if second is None or second.empty:
-        return found.reset_index()
-    other = _summed_up(second).reindex(found.index)
-    times = second.groupby(_GROUP, sort=False).times.max().reindex(found.index)
-    times = times.where(other.cases == found.cases)
-    errors = {error_of(name): times * (found[name] - other[name]).abs() for name in _STATISTICS}
-    return found.assign(**errors).reset_index()
-
-
-def _summed_up(table: pd.DataFrame) -> pd.DataFrame:
     changed = table[table.variant != BASE].dropna(subset="ratio")
+    found = _statistics(changed)
+    if error_of("ratio") in table:
+        error = changed[error_of("ratio")]
+        moved = [
+            _statistics(changed.assign(ratio=changed.ratio + side * error)) for side in (-1, 1)
+        ]
+        known = error.notna().groupby([changed[name] for name in _GROUP], sort=False).all()
+        for name in _STATISTICS:
+            ends = [(each[name] - found[name]).abs() for each in moved]
+            found[error_of(name)] = ends[0].combine(ends[1], max).where(known)
+    return found.reset_index().assign(robust=found["median"].between(1 / ROBUST, ROBUST).to_numpy())
+
+
+def _statistics(changed: pd.DataFrame) -> pd.DataFrame:
     ratios = changed.groupby(_GROUP, sort=False).ratio
-    found = ratios.agg(median="median", low="min", high="max", cases="size")
-    return found.assign(robust=found["median"].between(1 / ROBUST, ROBUST))
+    return ratios.agg(median="median", low="min", high="max")
 
 
 def tables(study: Results) -> list[Table]:
@@ -141,8 +146,7 @@ def tables(study: Results) -> list[Table]:
     of = variants(study)
     if not of:
         return []
-    found = dependence(quantities(of), second_quantities(of))
-    return [_variants_table(of), _dependence_table(found)]
+    return [_variants_table(of), _dependence_table(dependence(quantities(of)))]
 
 
 def _variants_table(of: Mapping[str, Results]) -> Table:
