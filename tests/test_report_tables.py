@@ -179,7 +179,7 @@ def test_a_sweep_shows_what_settles_with_mesh_errors_and_has_the_rest_in_its_fil
         "skin: effective stress, kPa, stance",
     ]
     shown = [text.replace(TOGETHER, " ") for text in table.shown.iloc[0]]
-    assert shown[:3] == ["0.200", "12.5 ± 0.4*", "7.25 ± 0.23*"]
+    assert shown[:3] == ["0.2", "12.5 ± 0.4*", "7.25 ± 0.23*"]
     assert table.data["skin_effective_stress_kPa_mesh_error"].tolist() == [0.28]
 
 

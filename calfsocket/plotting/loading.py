@@ -14,6 +14,13 @@ from calfsocket.plotting.style import new_figure, type_set
 
 PANEL_MM = 70.0
 
+NAMES = {
+    "slipping_percent": "part of the contact that slips, %",
+    "dissipated_N_mm_per_mm": "work of friction, N mm/mm",
+    "pressing_N_per_mm": "pressing force, N/mm",
+}
+"""Words for columns whose names say less."""
+
 SMALLEST_CHANGE = 1e-6
 """Of a load in N/mm, N mm/mm or %: less is what Newton's tolerance leaves of one that stays."""
 
@@ -25,6 +32,10 @@ def columns_of(curve: pd.DataFrame, start: str) -> list[str]:
 
 def _words(column: str) -> str:
     """Return a column's name in words, its unit behind a comma."""
+    if column in NAMES:
+        return NAMES[column]
+    if column.startswith("volume_"):
+        return f"change of volume of {column.removeprefix('volume_').removesuffix('_percent')}, %"
     for unit, written in (
         ("_N_mm_per_mm", ", N mm/mm"),
         ("_N_per_mm", ", N/mm"),

@@ -10,6 +10,7 @@ import pandas as pd
 from calfsocket.postprocess.levels import NEARLY_ALL, levels_of
 from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
 from calfsocket.postprocess.quantities import CONTACT_UNITS, Maximum, summary_table
+from calfsocket.report import names
 from calfsocket.report.words import measured, measured_all
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
@@ -24,7 +25,7 @@ class Stage:
 
     name: str
     limit: str  #: which force could not be borne; empty where all was
-    pressure: str  #: mean and largest contact pressure at its end, kPa
+    pressure: str  #: mean and largest contact pressure at its end
     slipping: str  #: largest share of the contact that slips on its way, %
     dissipated: str  #: work of friction in it, N mm for each mm of limb
     skin_kPa: float  #: effective stress that 99.9 % of the skin stays below at its end
@@ -72,7 +73,11 @@ class Loads:
     def cases(self) -> tuple[Case, ...]:
         """Cases with stages."""
         return tuple(
-            Case(" ".join(key), f"loading_{place}", stages_of(result))
+            Case(
+                " ".join((key[0], names.material_set(key[1]))),
+                f"loading_{place}",
+                stages_of(result),
+            )
             for place, (key, result) in enumerate(self.results.items())
             if result.states
         )
@@ -106,7 +111,7 @@ def stages_of(result: Result) -> tuple[Stage, ...]:
             Stage(
                 name,
                 state.record.state.limit if state.record.state else "",
-                f"{mean} on average, {largest} at most",
+                f"{mean} kPa on average, {largest} kPa at most",
                 slipping,
                 work,
                 float(levels[NEARLY_ALL].iloc[0]),

@@ -3,15 +3,16 @@
 Their titles and captions are in the template of the page.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from calfsocket.materials.law import Law
 from calfsocket.postprocess.levels import NEARLY_ALL
 from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of, with_levels
-from calfsocket.postprocess.quantities import CONTACT_UNITS, REPORTED, UNITS
+from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.postprocess.thresholds import SHARE
 from calfsocket.report import along, method, names, variants
 from calfsocket.report.findings import Findings
@@ -152,11 +153,17 @@ def sweep(results: Results) -> Table:
     errors = [name for name in data if name.endswith(MESH_ERROR)]
     said = {}
     for column in cases.columns.drop([*KEY, "status", *errors, *largest], errors="ignore"):
-        cells = cases[column].map(lambda cell: number(cell) if isinstance(cell, float) else cell)
+        form = number if heading(column) != column else "{:g}".format
+        cells = [_cell(cell, form) for cell in cases[column]]
         if error_of(column) in cases:
             cells = measured_all(cases[column], cases, error_of(column))
         said[heading(column)] = cells
     return Table("sweep", data, pd.DataFrame(said, index=cases.index))
+
+
+def _cell(value: Any, form: Callable[[float], str]) -> Any:
+    """Return a number as `form` writes it, nothing where there is none; else the value."""
+    return ("" if np.isnan(value) else form(value)) if isinstance(value, float) else value
 
 
 def swept_results(data: pd.DataFrame) -> list[str]:
@@ -165,8 +172,8 @@ def swept_results(data: pd.DataFrame) -> list[str]:
 
 
 _HEADINGS = {
-    f"{tissue}_{name}_{NEARLY_ALL}_{unit.replace('%', 'percent')}": f"{tissue}: {words}, {unit}"
-    for tissue in REPORTED
+    f"{tissue}_{name}_{NEARLY_ALL}_{unit.replace('%', 'percent')}": f"{title}: {words}, {unit}"
+    for tissue, title in names.TISSUES.items()
     for name, unit in UNITS.items()
     for words in [names.QUANTITIES[name]]
 } | {
@@ -182,7 +189,8 @@ def heading(column: str) -> str:
         threshold, _, state = of.partition("_in_percent")
         quantity, _, limit = threshold.partition("_above_")
         limit = limit.replace("_percent", " %").replace("_", " ")
-        words = f"{tissue}: beyond {limit} {names.QUANTITIES.get(quantity, quantity)}, %"
+        title, what = names.TISSUES.get(tissue, tissue), names.QUANTITIES.get(quantity, quantity)
+        words = f"{title}: beyond {limit} {what}, %"
         return f"{words}, {state.removeprefix('_')}" if state else words
     for name, words in _HEADINGS.items():
         if column == name:

@@ -33,7 +33,7 @@ from calfsocket.simulation.results import MAPS, Results
 
 Draw = Callable[[], Figure]
 
-PLUS_MINUS = f"±: mesh error; *: not settled within {100 * SETTLED:g} %."
+PLUS_MINUS = f"±: mesh error; *: not settled within {100 * SETTLED:g}\N{NO-BREAK SPACE}%."
 """What a table says of its mesh errors."""
 
 
@@ -193,9 +193,11 @@ def values_of(findings: Findings) -> dict[str, Any]:
 
 def _several(findings: Findings) -> str:
     """Say what there are several of where a table or a sentence has one for each socket."""
+    records = findings.results.records.values()
     if findings.levels is None:
-        return "sockets"
-    designs = {record.along[0] for record in findings.results.records.values()}
+        swept = any(record.socket != record.of[0] for record in records)
+        return "sockets at their points of the sweep" if swept else "sockets"
+    designs = {record.along[0] for record in records}
     return "levels" if len(designs) == 1 else "sockets at their levels"
 
 

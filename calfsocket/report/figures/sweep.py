@@ -21,10 +21,10 @@ from calfsocket.simulation.record import KEY
 from calfsocket.simulation.results import Results
 
 MOST_CURVES, MOST_PANELS = 10, 12
-TITLE_LETTERS, CURVE_LETTERS = 45, 120
+TITLE_LETTERS, CURVE_LETTERS = 36, 120
 
 # Of panels, mm.
-ABREAST, PANEL_MM, LEFT_MM, HEAD_MM, FOOT_MM, LINE_MM = 3, 38.0, 12.0, 6.0, 11.0, 4.0
+ABREAST, PANEL_MM, LEFT_MM, HEAD_MM, FOOT_MM, LINE_MM = 3, 38.0, 12.0, 9.0, 11.0, 4.0
 
 
 def figures(findings: Findings) -> dict[str, Callable[[], Figure]]:
@@ -90,7 +90,7 @@ def draw(data: pd.DataFrame, parameter: str, others: Sequence[str]) -> Figure:
         bottom = foot + (rows - 1 - row) * (HEAD_MM + PANEL_MM + FOOT_MM) + FOOT_MM
         axes = add_axes(figure, LEFT_MM + column * width, bottom, width - LEFT_MM - 2.0, PANEL_MM)
         _draw_curves(axes, [*shown.values()], parameter, result)
-        axes.set_title(textwrap.shorten(heading(result), TITLE_LETTERS), fontsize=7.5)
+        axes.set_title(textwrap.fill(heading(result), TITLE_LETTERS), fontsize=7, parse_math=False)
         axes.set_xlabel(parameter, fontsize=7, parse_math=False)
     handles = [
         Line2D(
@@ -121,7 +121,9 @@ def _draw_curves(axes: Axes, curves: Sequence[pd.DataFrame], parameter: str, res
             rows[parameter], rows[result], yerr=error.fillna(0.0), color=f"C{number}", marker=".",
             markersize=4, linewidth=1.0, elinewidth=0.8, capsize=2.0,
         )  # fmt: skip
-    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    shown = pd.concat([rows[result] for rows in curves])
+    if (shown >= 0).all():
+        axes.set_ylim(0.0, None if shown.any() else 1.0)
     axes.grid(color="#d0d0d0", linewidth=0.4)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
