@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from calfsocket.plotting import files
@@ -112,7 +113,7 @@ def _panel(
             drawn = axes.contour(
                 angle, height[run], turned[run], levels=lines, colors="#222222", linewidths=0.4
             )
-            axes.clabel(drawn, fontsize=5.5, fmt="%g", inline_spacing=2)
+            axes.clabel(drawn, fontsize=5.5, fmt=_value, inline_spacing=8)
         else:  # no neighbour to interpolate to
             axes.scatter(
                 angle, np.full(len(angle), height[run[0]]), c=turned[run[0]], cmap=colours.cmap,
@@ -128,6 +129,10 @@ def _panel(
         colours, ax=axes, cax=axes.inset_axes((1.12, 0.0, 0.025, 1.0)), label=what
     )
     bar.outline.set_linewidth(0.4)  # type: ignore[operator]
+
+
+def _value(level: float) -> str:
+    return f"{level:g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _unrolled(values: Array) -> tuple[Array, Array]:
@@ -193,6 +198,7 @@ def _mark_largest(axes: Axes, found: PressureMap) -> None:
     axes.annotate(
         f"{said} kPa", place, xytext=(4, 4), textcoords="offset points",
         fontsize=6.5, zorder=5, annotation_clip=False,
+        path_effects=[withStroke(linewidth=1.6, foreground="white")],
     )  # fmt: skip
 
 
