@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from calfsocket.plotting import style
+from calfsocket.plotting import section, style
 from calfsocket.plotting.files import Drawing
 from calfsocket.plotting.raster import FieldImage
 from calfsocket.plotting.style import MOST_ABREAST, MOST_SHOWN, abreast, type_set
@@ -45,6 +45,20 @@ def test_a_case_that_is_not_in_the_study_leaves_its_panel_empty(six_results):
     keys = (("TC", "separate"), ("HS", "separate"), ("HS", "combined"))
     shown = texts(pressure.contact_pressure(Findings(six_results.only(keys))))
     assert shown.count("not in the study") == 1
+
+
+@pytest.mark.parametrize(("width", "words"), [(400, "100 mm"), (120, "20 mm"), (30, "5 mm")])
+def test_a_scale_bar_is_no_longer_than_a_quarter_of_the_drawing(width, words):
+    axes = Figure().add_subplot()
+    section.scale_bar(axes, (0, width, 0, width), fontsize=6)
+    (bar,), (text,) = axes.lines, axes.texts
+    assert text.get_text() == words == f"{np.ptp(bar.get_xdata()):g} mm"
+
+
+def test_type_is_small_enough_for_its_room():
+    assert style.fitting("a text\nwith lines", 100.0, 6.5) == 6.5
+    # ten letters in 10 mm
+    assert style.fitting("with lines", 10.0, 6.5) == pytest.approx(10 / 25.4 * 72 / 5.5)
 
 
 FRICTION, WALL = "model.friction", "sockets.HS.wall_thickness [mm]"

@@ -16,11 +16,15 @@ from calfsocket.io.files import replacing
 from calfsocket.plotting.files import Drawing, PageImage
 from calfsocket.report.table import Table
 from calfsocket.report.templates import read, render, tidy
+from calfsocket.report.words import TOGETHER
 
 FIGURES, TABLES = "figures", "tables"
 """Folders beside the page."""
 
 PAGE_FILE = "report.html"
+
+UNITS = ("%", "kPa")
+"""Units that do not begin a line."""
 
 FILES = {
     "run.json": "all inputs and checks (run.json)",
@@ -56,7 +60,7 @@ class Page:
         self._taken |= {*self.numbers.values()}
 
     def write(self, template: str, package: str, **values: Any) -> Path:
-        """Write the page into the folder; return its path."""
+        """Write the page into the folder, units beside their numbers; return its path."""
         found = {name: text for name, text in FILES.items() if (self.folder / name).is_file()}
         text = render(
             template,
@@ -67,6 +71,8 @@ class Page:
             files=found,
             **values,
         )
+        for unit in UNITS:
+            text = Markup(text.replace(f" {unit}", f"{TOGETHER}{unit}"))
         path = self.folder / PAGE_FILE
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -81,13 +87,8 @@ class Page:
         return render("chapter.html", anchor=anchor, title=title, content=content)
 
     def line(self, topic: str, caller: Callable[[], str]) -> Markup:
-        """Return a line of the answer, whose numbers and units stay together."""
+        """Return a line of the answer."""
         text = tidy(caller())
-        text = text.replace(
-            " \N{PLUS-MINUS SIGN} ", "\N{NO-BREAK SPACE}\N{PLUS-MINUS SIGN}\N{NO-BREAK SPACE}"
-        )
-        for unit in ("%", "kPa"):
-            text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
         line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, Markup(text))
         return line if text else Markup()
 
