@@ -13,6 +13,7 @@ from calfsocket.io.errors import ConvergenceError, InputError
 from calfsocket.meshes.sizing import mesh_size
 from calfsocket.postprocess.levels import STATISTICS
 from calfsocket.postprocess.mesh_error import (
+    TOGETHER,
     error_of,
     of_levels,
     of_maxima,
@@ -272,6 +273,8 @@ def test_a_report_has_it_behind_its_numbers_and_marks_what_has_not_settled(tmp_p
     second = result(key, finer, contact_on(finer, 10.03))
     both = with_second(first, second)
     report = written(results_of({key: both}, folder=tmp_path))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert TOGETHER.join(["10.0", "±", "0.1", "kPa, at most"]) in page
     said = report.answer
     assert said["Contact pressure"].startswith("On average 10.0 ± 0.1 kPa, at most 10.0 ± 0.1 kPa")
     level = both.levels().set_index(["tissue", "region", "quantity"])["below_99.9"]

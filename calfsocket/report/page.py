@@ -23,8 +23,8 @@ FIGURES, TABLES = "figures", "tables"
 
 PAGE_FILE = "report.html"
 
-UNITS = ("%", "kPa")
-"""Units that do not begin a line."""
+WITHIN_LINES = (" \N{PLUS-MINUS SIGN} ", " %", " kPa")
+"""What does not begin a line."""
 
 FILES = {
     "run.json": "all inputs and checks (run.json)",
@@ -71,8 +71,8 @@ class Page:
             files=found,
             **values,
         )
-        for unit in UNITS:
-            text = Markup(text.replace(f" {unit}", f"{TOGETHER}{unit}"))
+        for words in WITHIN_LINES:
+            text = Markup(text.replace(words, words.replace(" ", TOGETHER)))
         path = self.folder / PAGE_FILE
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
