@@ -15,16 +15,12 @@ import calfsocket
 from calfsocket.io.files import replacing
 from calfsocket.plotting.files import Drawing, PageImage
 from calfsocket.report.table import Table
-from calfsocket.report.templates import read, render, tidy
-from calfsocket.report.words import TOGETHER
+from calfsocket.report.templates import read, render, tidy, together
 
 FIGURES, TABLES = "figures", "tables"
 """Folders beside the page."""
 
 PAGE_FILE = "report.html"
-
-WITHIN_LINES = (" \N{PLUS-MINUS SIGN} ", " %", " kPa")
-"""What does not begin a line."""
 
 FILES = {
     "run.json": "all inputs and checks (run.json)",
@@ -60,7 +56,7 @@ class Page:
         self._taken |= {*self.numbers.values()}
 
     def write(self, template: str, package: str, **values: Any) -> Path:
-        """Write the page into the folder, units beside their numbers; return its path."""
+        """Write the page into the folder; return its path."""
         found = {name: text for name, text in FILES.items() if (self.folder / name).is_file()}
         text = render(
             template,
@@ -71,8 +67,6 @@ class Page:
             files=found,
             **values,
         )
-        for words in WITHIN_LINES:
-            text = Markup(text.replace(words, words.replace(" ", TOGETHER)))
         path = self.folder / PAGE_FILE
         with replacing(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -87,9 +81,9 @@ class Page:
         return render("chapter.html", anchor=anchor, title=title, content=content)
 
     def line(self, topic: str, caller: Callable[[], str]) -> Markup:
-        """Return a line of the answer."""
-        text = tidy(caller())
-        line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, Markup(text))
+        """Return a line of the answer, whose numbers and units stay together."""
+        text = together(tidy(caller()))
+        line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, text)
         return line if text else Markup()
 
     def figure(self, name: str, title: str, caller: Callable[[], Markup]) -> Markup:

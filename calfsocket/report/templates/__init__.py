@@ -9,9 +9,12 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from calfsocket.report import names
-from calfsocket.report.words import change, changes, listed, number
+from calfsocket.report.words import TOGETHER, change, changes, listed, number
 
 PACKAGE = "calfsocket.report.templates"
+
+WITHIN_LINES = (" \N{PLUS-MINUS SIGN} ", " %", " kPa")
+"""What begins no line."""
 
 
 def render(template: str, package: str = PACKAGE, **values: Any) -> Markup:
@@ -28,6 +31,13 @@ def render(template: str, package: str = PACKAGE, **values: Any) -> Markup:
 def tidy(text: str) -> str:
     """Return a text on one line, without blanks before commas and full stops."""
     return re.sub(r"\s+(?=[,.;:)])", "", " ".join(text.split()))
+
+
+def together(text: str) -> Markup:
+    """Return an escaped text whose numbers, mesh errors and units do not part at a line's end."""
+    for words in WITHIN_LINES:
+        text = text.replace(words, words.replace(" ", TOGETHER))
+    return Markup(text)
 
 
 def commands(text: str) -> Markup:
@@ -60,6 +70,7 @@ def environment(package: str) -> Environment:
         "tissue": names.TISSUES.get,
         "quantity": names.QUANTITIES.get,
         "commands": commands,
+        "together": together,
         "upper_first": lambda text: text[:1].upper() + text[1:],
     }
     return made
