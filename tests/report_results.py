@@ -17,7 +17,7 @@ from calfsocket.meshes.socket import reference_sockets
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.thresholds import Threshold, shares_beyond
-from calfsocket.simulation.record import CaseRecord, Checks, StudyRecord, StudySource
+from calfsocket.simulation.record import CaseRecord, Checks, SecondMesh, StudyRecord, StudySource
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results, of_case
 from calfsocket.study.document import ModelTable
@@ -159,6 +159,16 @@ def result(key: Key, fields: SectionFields, line: ContactLine, **about: Any) -> 
     return Result(
         CaseRecord(socket=socket, material_set=name, **known | about), fields, line, steps
     )
+
+
+def with_second(first: Result, second: Result, times: int = 2) -> Result:
+    """Return a case with its result on a second mesh of `times` as many triangles."""
+    cells = times * first.checks.cells
+    checks = second.checks.model_copy(update={"cells": cells})
+    second = replace(second, record=second.record.model_copy(update={"checks": checks}))
+    about = SecondMesh(size="twice the triangles of coarse", cells=cells)
+    record = first.record.model_copy(update={"second_mesh": about})
+    return replace(first, record=record).on_second_mesh(second)
 
 
 def study_record(records: Iterable[CaseRecord], model: ModelTable | None = None) -> StudyRecord:

@@ -14,14 +14,24 @@ from calfsocket.io.errors import ConvergenceError, InputError
 from calfsocket.meshes import sizing
 from calfsocket.meshes.sizing import any_size, mesh_size
 from calfsocket.postprocess.levels import STATISTICS
-from calfsocket.postprocess.mesh_error import error_of, of_levels, of_maxima, settled, times_change
+from calfsocket.postprocess.mesh_error import (
+    TOGETHER,
+    error_of,
+    of_levels,
+    of_maxima,
+    settled,
+    times_change,
+    with_error,
+    with_levels,
+)
+from calfsocket.report import tables as report_tables
+from calfsocket.report.loads import stages_of
 from calfsocket.report.words import measured
-from calfsocket.simulation.record import SecondMesh
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import load_results
 from calfsocket.simulation.simulation import Simulation
 from calfsocket.study.document import Document
-from report_results import contact_on, limb, result, results_of
+from report_results import contact_on, limb, result, results_of, with_second
 from tiny_study import tiny_study
 
 TABLES = ("summary.csv", "levels.csv")
@@ -37,6 +47,17 @@ def test_a_change_counts_threefold_where_the_second_mesh_has_half_as_many_elemen
     assert times_change(40_000, 10_000) == 1  # r = 2, r^2 - 1 = 3
     with pytest.raises(InputError, match="too nearly as many"):
         times_change(10_000, 9_000)
+
+
+def test_an_error_has_the_decimals_of_its_number_and_a_star_where_that_has_not_settled():
+    def said(*words: object) -> str:
+        return with_error(*words).replace("\N{NO-BREAK SPACE}", " ")
+
+    assert said("18.6", 18.6, 0.04) == "18.6 ± <0.05" and said("18.6", 18.6, 0.4) == "18.6 ± 0.4*"
+    assert said("0", 0.0, 0.0) == "0" and said("0.0", 0.0, 0.3) == "0.0 ± 0.3*"
+    assert said("5", 5.0, float("nan")) == "5"
+    # +10 % is 1.1 times, which has settled with 0.02
+    assert said("+10", 10.0, 2.0, "", 100.0) == "+10 ± 2"
 
 
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.0, 3.0])
@@ -72,6 +93,18 @@ def test_a_level_has_the_largest_change_among_itself_and_its_neighbours():
     for name in ("lower_99", "lower_99.9"):
         assert errors.loc[1, error_of(name)] == pytest.approx(1.5)
     assert errors.loc[1, error_of("lower_95")] == errors.loc[1, error_of("upper_99.9")] == 0
+
+
+def test_levels_of_whole_tissues_stand_behind_the_rows_of_a_summary():
+    summary = pd.DataFrame(
+        {"tissue": ["skin"], "quantity": ["x"], "value": [2.0], "unit": "kPa", "x_mm": 1.0}
+    ).assign(mesh_error=0.2)
+    levels = levels_of(effective_stress=[4.0, 10.0]).assign(unit="kPa")
+    parts = pd.concat([levels, levels.assign(region="skin"), levels.assign(region=np.nan)])
+    found = with_levels(summary, of_levels(parts, parts.iloc[:2], 3.0))
+    assert found["quantity"].tolist() == ["x", *["effective_stress_below_99.9"] * 2]
+    assert found.value.tolist() == [2, 10, 10] and found.x_mm.isna().tolist() == [False, True, True]
+    assert list(found.columns) == list(summary.columns)
 
 
 def test_maxima_count_by_magnitude_where_a_sign_is_a_direction():
@@ -220,7 +253,22 @@ def test_states_of_loads_have_it_as_well(tmp_path):
     (result,) = load_results(tmp_path).values()
     state = result.states["turned"]
     assert state.second.record.state.stage == "turned" and not state.second.states
-    assert "mesh_error" in load_results(tmp_path).states
+    results = load_results(tmp_path)
+    assert "mesh_error" in results.states
+    stages = {stage.name: stage for stage in stages_of(result)}
+    error = summary.query("state == 'turned' and quantity == 'contact_pressure_max'").mesh_error
+    assert stages["turned"].largest == measured(stages["turned"].largest_kPa, error.item())
+    work = [each.curve.dissipated_N_mm_per_mm.iloc[-1] for each in (result, result.second)]
+    assert stages["turned"].dissipated == measured(
+        work[0], result.times_change * abs(work[0] - work[1])
+    )
+    shown = report_tables.states(results)
+    assert list(shown.shown.columns.get_level_values("state")) == ["donned", "turned"]
+    (row,) = shown.data.query(
+        "tissue == 'skin' and quantity == 'effective_stress_below_99.9' and state == 'turned'"
+    ).itertuples()
+    text = shown.shown.loc[("skin", "effective stress, kPa")].iloc[1]
+    assert text == measured(row.value, row.mesh_error) == stages["turned"].skin and "±" in text
 
 
 def test_two_ranks_that_solve_a_case_together_give_the_same(solved, tmp_path, mpirun):
@@ -245,12 +293,10 @@ def test_a_report_has_it_behind_its_numbers_and_marks_what_has_not_settled(tmp_p
     fields, finer = limb(2.0), limb(2.02)
     first = result(key, fields, contact_on(fields, 10.0))
     second = result(key, finer, contact_on(finer, 10.03))
-    checks = second.checks.model_copy(update={"cells": 2 * first.checks.cells})
-    second = replace(second, record=second.record.model_copy(update={"checks": checks}))
-    about = SecondMesh(size="twice the triangles of coarse", cells=checks.cells)
-    record = first.record.model_copy(update={"second_mesh": about})
-    both = replace(first, record=record).on_second_mesh(second)
+    both = with_second(first, second)
     report = written(results_of({key: both}, folder=tmp_path))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert TOGETHER.join(["10.0", "±", "0.1", "kPa, at most"]) in page
     said = report.answer
     assert said["Contact pressure"].startswith("On average 10.0 ± 0.1 kPa, at most 10.0 ± 0.1 kPa")
     level = both.levels().set_index(["tissue", "region", "quantity"])["below_99.9"]

@@ -8,9 +8,9 @@ from matplotlib.patches import PathPatch
 from calfsocket.paper import comparison, figures, published
 from calfsocket.paper.evidence import STRAINS, Evidence
 from calfsocket.paper.tables import tables
-from calfsocket.report.words import TIMES, TOGETHER, number
+from calfsocket.report.words import TIMES, TOGETHER, measured, number
 from calfsocket.study.document import ModelTable
-from report_results import ALL, contact_on, limb, limb_study, results_of
+from report_results import ALL, contact_on, limb, limb_study, result, results_of, with_second
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +76,31 @@ def test_agreement_takes_the_farthest_from_one():
     # 1/0.2 = 5 is farther than 4
     assert (row.median_ratio, row.worst_ratio, row.worst_at) == (1.0, 0.2, "TC shear_stress")
     assert row.sign_flips == 1 and row.cells == 3
+
+
+def test_the_papers_tables_have_mesh_errors(tmp_path):
+    """Stress of TC: 2 kPa Separate, 3 Combined; on the second mesh 1 % and 3 % more."""
+    cases = {}
+    for name, factors in (("separate", (2.0, 2.02)), ("combined", (3.0, 3.09))):
+        first, second = ((limb(each), contact_on(limb(each), 5 * each)) for each in factors)
+        key = ("TC", name)
+        cases[key] = with_second(result(key, *first), result(key, *second))
+    evidence = Evidence(results_of(cases, folder=tmp_path))
+    made = tables(evidence)
+    row = made["table2"].data.query("tissue == 'fat' and quantity == 'effective_stress'")
+    np.testing.assert_allclose(row.ours_mesh_error, row.ours * [0.04, 0.12])
+    said = made["table2"].markdown().replace(TOGETHER, " ")
+    assert f"{measured(row.ours.iloc[1], 0.12 * row.ours.iloc[1])} (".replace(TOGETHER, " ") in said
+    change = made["table3"].data.query("tissue == 'fat' and site == 'max_both'")
+    # 3/2 and 3.09/2.02
+    error = 4 * 100 * (3.09 / 2.02 - 1.5)
+    mises = change[change["quantity"] == "effective_stress"]
+    np.testing.assert_allclose(mises.ours_mesh_error, error)
+    np.testing.assert_allclose(mises.ours_magnitude_mesh_error, error)
+    assert "| +50 ± 12* |" in made["pressure"].markdown().replace(TOGETHER, " ")
+    agreement = made["agreement"].data.query("tissue == 'fat' and material_set == 'combined'")
+    cells = made["table2"].data.query("tissue == 'fat' and material_set == 'combined'")
+    assert 0 < agreement.median_ratio_mesh_error.item() <= (0.12 * cells.ratio).max()
 
 
 def test_change_of_magnitude_stands_beside_equation_3(evidence):

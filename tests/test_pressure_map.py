@@ -148,6 +148,15 @@ def test_the_picture_says_what_it_shows(tmp_path: Path) -> None:
     assert axes.texts[-1].get_text() == "160 kPa"
 
 
+def test_the_largest_pressure_has_the_mesh_error_of_its_level() -> None:
+    found = made()
+    figure = picture.draw(
+        replace(found, levels=[replace(level, error_kPa=2.0) for level in found.levels])
+    )
+    assert figure.axes[0].texts[-1].get_text() == "160\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}2 kPa"
+    assert any("±: mesh error" in each.get_text() for each in figure.texts)
+
+
 # -- of a study ------------------------------------------------------------------------------------
 
 

@@ -15,7 +15,14 @@ from calfsocket.report.changes import (
     relative_changes,
 )
 from calfsocket.simulation.results import Results
-from report_results import contact_on_plate, plate, results_of, with_shear
+from report_results import (
+    contact_on_plate,
+    plate,
+    result,
+    results_of,
+    with_second,
+    with_shear,
+)
 from sections import contact_around
 
 
@@ -99,6 +106,24 @@ def test_contact_pressure_at_sites_and_on_average(changes):
     assert mean.index.tolist() == ["max_both"]
     # patches of 4 of 18 mm, by the Gauss points inside them
     assert mean.separate.item() == pytest.approx((14 * 10 + 4 * 20) / 18, rel=1e-9)
+
+
+def test_a_change_has_the_mesh_error_of_its_own_change():
+    """Both cases have a tenth more pressure on the second mesh: their ratio stays."""
+    even = [contact_on_plate(lambda arc, p=p: p + 0 * arc) for p in (10.0, 15.0, 11.0, 16.5)]
+    keys = ("TC", "separate"), ("TC", "combined")
+    cases = {
+        key: with_second(result(key, plate(), first), result(key, plate(), second))
+        for key, first, second in zip(keys, even[:2], even[2:], strict=True)
+    }
+    found = relative_changes(results_of(cases))
+    mean = at_sites(found, "skin", "contact_pressure_mean").loc["max_both"]
+    assert mean.separate_mesh_error == pytest.approx(4)
+    assert mean.combined_mesh_error == pytest.approx(6)
+    assert mean.relative_change_pct == pytest.approx(50)
+    assert mean.relative_change_pct_mesh_error == pytest.approx(0, abs=1e-9)
+    less = cases | {keys[0]: result(keys[0], plate(), even[0])}
+    assert "relative_change_pct_mesh_error" not in relative_changes(results_of(less))
 
 
 def test_one_set_alone_has_nothing_to_compare(results):

@@ -5,15 +5,16 @@ from dataclasses import replace
 import matplotlib
 import matplotlib.colors
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from calfsocket.plotting import style
+from calfsocket.plotting import section, style
 from calfsocket.plotting.files import Drawing
 from calfsocket.plotting.raster import FieldImage
 from calfsocket.plotting.style import MOST_ABREAST, MOST_SHOWN, abreast, type_set
-from calfsocket.report.figures import figures, geometry, maps, pressure
+from calfsocket.report.figures import figures, geometry, maps, pressure, sweep
 from calfsocket.report.findings import Findings
 from report_results import ALL, contact_on, limb, results_of
 from sections import annulus
@@ -44,6 +45,57 @@ def test_a_case_that_is_not_in_the_study_leaves_its_panel_empty(six_results):
     keys = (("TC", "separate"), ("HS", "separate"), ("HS", "combined"))
     shown = texts(pressure.contact_pressure(Findings(six_results.only(keys))))
     assert shown.count("not in the study") == 1
+
+
+@pytest.mark.parametrize(("width", "words"), [(400, "100 mm"), (120, "20 mm"), (30, "5 mm")])
+def test_a_scale_bar_is_no_longer_than_a_quarter_of_the_drawing(width, words):
+    axes = Figure().add_subplot()
+    section.scale_bar(axes, (0, width, 0, width), fontsize=6)
+    (bar,), (text,) = axes.lines, axes.texts
+    assert text.get_text() == words == f"{np.ptp(bar.get_xdata()):g} mm"
+
+
+def test_type_is_small_enough_for_its_room():
+    assert style.fitting("a text\nwith lines", 100.0, 6.5) == 6.5
+    # ten letters in 10 mm
+    assert style.fitting("with lines", 10.0, 6.5) == pytest.approx(10 / 25.4 * 72 / 5.5)
+
+
+FRICTION, WALL = "model.friction", "sockets.HS.wall_thickness [mm]"
+
+
+def swept() -> pd.DataFrame:
+    """A grid of three frictions and two walls in two sockets."""
+    rows = [
+        {
+            **{"case": f"{name}_separate", "socket": name, "material_set": "separate"},
+            **{FRICTION: friction, WALL: wall, "contact_pressure_mean_kPa": 10 * friction + wall},
+            "contact_pressure_mean_kPa_mesh_error": 0.1 * wall,
+            **{"skin_effective_stress_below_99.9_kPa": wall, "skin_effective_stress_kPa": 2.0},
+        }
+        for socket in ("HS", "TC")
+        for friction in (0.4, 0.2, 0.6)
+        for wall in (3.0, 5.5)
+        for name in [f"{socket}@friction={friction},w={wall}"]
+    ]
+    return pd.DataFrame(rows).assign(status="solved")
+
+
+def test_a_sweep_is_drawn_over_its_numbers_with_mesh_errors():
+    data = swept()
+    curves = sweep.curves_of(data, FRICTION, [WALL])
+    wall = "sockets.HS.wall_thickness"
+    assert list(curves) == [f"{s}, {wall} {w} mm" for s in ("HS", "TC") for w in ("3", "5.5")]
+    assert all(rows[FRICTION].tolist() == [0.2, 0.4, 0.6] for rows in curves.values())
+    together = data[data[WALL] == 3].assign(**{WALL: lambda rows: 10 * rows[FRICTION]})
+    assert list(sweep.curves_of(together, FRICTION, [WALL])) == ["HS", "TC"]
+    figure = sweep.draw(data, FRICTION, [WALL])
+    titles = [axes.get_title() for axes in figure.axes]
+    # and not the largest level of the paper's rule
+    assert titles == ["mean contact pressure, kPa", "skin: effective stress, kPa"]
+    (bars,) = figure.axes[0].containers[1].lines[2]
+    ends = np.array([segment[:, 1] for segment in bars.get_segments()])
+    np.testing.assert_allclose(np.diff(ends).ravel(), 2 * 0.55)
 
 
 def test_every_region_of_the_limb_has_a_number_and_a_name(six_results):

@@ -14,13 +14,15 @@ from report_text import Report, plain, written
 
 from calfsocket import cli
 from calfsocket.commands import report as command
-from calfsocket.report import method
+from calfsocket.report import method, templates
 from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.findings import Findings
+from calfsocket.report.templates import commands
+from calfsocket.report.write import values_of
 from calfsocket.simulation import results
 from calfsocket.study.study import Study
 from conftest import WHY
-from report_results import contact_on, limb, results_of
+from report_results import contact_on, limb, result, results_of
 
 # Reports on the page from within it; added to a copy, since the page itself has no script.
 PROBE = """<script>
@@ -203,6 +205,29 @@ def test_the_method_has_settings_in_words(six_results):
     assert method.in_words(findings, method.FIRST) == [
         "mesh size coarse", "socket floating", "friction 0.4"
     ]  # fmt: skip
+
+
+def test_a_sweep_has_every_value_of_its_settings(tmp_path):
+    fields = limb()
+    cases = {}
+    for value in (0.2, 0.6):
+        key = (f"TC@friction={value}", "separate")
+        about = {"changes": {"model.friction": value}}
+        cases[key] = result(key, fields, contact_on(fields, 10.0), **about)
+    findings = Findings(results_of(cases, folder=tmp_path))
+    assert "friction 0.2 and 0.6" in method.in_words(findings, method.FIRST)
+    settings = method.tables(findings)[1]
+    assert settings.shown["value"]["friction coefficient"] == "0.2 and 0.6"
+    assert values_of(findings)["several"] == "sockets at their points of the sweep"
+
+
+def test_options_in_a_note_do_not_break_at_their_hyphens():
+    code = commands("solve `calibrate --out F<1>`, with --mesh-error or b--c")
+    assert code == (
+        'solve <code>calibrate <span class="option">--out</span> F&lt;1&gt;</code>, with '
+        '<span class="option">--mesh-error</span> or b--c'
+    )
+    assert ".option { white-space: nowrap; }" in templates.read("report.css")
 
 
 def test_command_writes_the_report_with_the_thresholds_asked_for(monkeypatch, capsys):

@@ -14,7 +14,7 @@ from calfsocket.report.damage import DamageThresholds, damage
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table, spread
 from calfsocket.report.words import TOGETHER, change, measured, number
-from report_results import contact_on_plate, plate, results_of
+from report_results import contact_on_plate, plate, result, results_of, with_second
 
 # --- damage
 
@@ -53,6 +53,25 @@ def test_damage_area():
     assert (rows.region == ["soleus", *["deep_fascia"] * 3]).all()
     higher = damage(study, DamageThresholds(57.0, 57.0))
     assert (higher.area_mm2 == 0).all()
+
+
+def test_damage_has_mesh_errors_by_the_second_mesh():
+    """A shear of 0.57 on a second mesh of twice as many elements: changes count fourfold."""
+    key = ("HS", "separate")
+    line = contact_on_plate(lambda arc: 10 + 0 * arc)
+    case = with_second(result(key, sheared(4, 0.6), line), result(key, sheared(5, 0.57), line))
+    found = damage(results_of({key: case}), DamageThresholds(40.0))
+    rows = found.set_index(["tissue", "quantity"])
+    e1, other = (100 * np.arcsinh(shear / 2) for shear in (0.6, 0.57))
+    for column in ("level_pct", "below_99.9_pct"):
+        error = rows[f"{column}_mesh_error"]["fascia", "amp_log_strain"]
+        assert error == pytest.approx(4 * (e1 - other))
+    # 4 and 5 of 12 mm
+    muscle = rows.loc[("muscle", "shear_log_strain")]
+    assert muscle.area_share_pct_mesh_error == pytest.approx(4 * 100 / 12)
+    assert muscle.area_mm2_mesh_error == pytest.approx(4 * 3)
+    text = tables.damage(found).markdown().replace(TOGETHER, " ")
+    assert "(12.0 ± 12.0* mm², 33.3 ± 33.3* %)" in text
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
@@ -97,6 +116,12 @@ def test_mesh_errors_have_the_decimals_of_their_numbers(value, error, text):
     assert measured(value, error).replace(TOGETHER, " ") == text
 
 
+def test_a_change_has_settled_where_its_error_is_small_beside_the_larger_number():
+    pairs = [(34.2, 2.6), (34.2, 2.8), (-98.0, 0.1), (-98.0, 3.0), (3.4e5, 400.0), (0.0, 0.3)]
+    texts = [change(*pair).replace(TOGETHER, " ") for pair in pairs]
+    assert texts == ["+34 ± 3", "+34 ± 3*", "−98 ± <0.5", "−98 ± 3*", "+3.4·10⁵ ± 400", "0.0 ± 0.3"]  # noqa: RUF001
+
+
 def test_changes_as_people_read_them():
     texts = [change(value) for value in (134.2, -5.04, -0.01, 0.0, 3.4e5, np.nan)]
     assert texts == ["+134", "\N{MINUS SIGN}5.0", "0.0", "0.0", "+3.4·10⁵", ""]
@@ -127,6 +152,35 @@ def test_tables_are_written_in_three_forms(six_results, tmp_path):
         ]
         assert len(lines) == 2 + len(table.shown)
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in lines}) == 1
+
+
+def test_a_sweep_shows_what_settles_with_mesh_errors_and_has_the_rest_in_its_file(tmp_path):
+    fields = plate()
+    line = contact_on_plate(lambda arc: 10 + 0 * arc)
+    key = ("A@f=0.2", "m")
+    study = results_of({key: (fields, line)}, folder=tmp_path)
+    columns = {"case": "A@f=0.2_m", "socket": key[0], "material_set": key[1], "model.friction": 0.2}
+    numbers = {
+        "contact_pressure_max_kPa": 12.5,
+        "skin_effective_stress_below_99.9_kPa": 7.25,
+        "skin_effective_stress_kPa": 9.0,
+        "skin_share_of_contact_pressure_above_40_kPa_in_percent": 3.0,
+        "skin_effective_stress_below_99.9_kPa_stance": 8.5,
+    }
+    errors = {f"{name}_mesh_error": 0.03 * value + 0.01 for name, value in numbers.items()}
+    row = pd.DataFrame([columns | numbers | errors]).assign(status="solved")
+    row.to_csv(tmp_path / "sweep.csv", index=False)
+    table = tables.sweep(study)
+    assert table.shown.columns.tolist() == [
+        "model.friction",
+        "largest contact pressure, kPa",
+        "skin: effective stress, kPa",
+        "skin: beyond 40 kPa contact pressure, %",
+        "skin: effective stress, kPa, stance",
+    ]
+    shown = [text.replace(TOGETHER, " ") for text in table.shown.iloc[0]]
+    assert shown[:3] == ["0.2", "12.5 ± 0.4*", "7.25 ± 0.23*"]
+    assert table.data["skin_effective_stress_kPa_mesh_error"].tolist() == [0.28]
 
 
 def test_html_is_escaped():

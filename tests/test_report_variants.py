@@ -14,7 +14,7 @@ from calfsocket.report import variants
 from calfsocket.report.findings import Findings
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.results import Results
-from report_results import ALL, limb_study, result, results_of
+from report_results import ALL, contact_on, limb, limb_study, result, results_of, with_second
 
 HELD = {"model.socket_support": "outer-fixed"}
 NO_FRICTION = {"model.friction": 0.0}
@@ -84,6 +84,64 @@ def test_dependence_on_a_choice(tables):
     assert "base" not in rows.index.get_level_values("variant")
 
 
+def test_a_ratio_has_the_mesh_error_of_its_own_change():
+    """Twice the stress without friction, 2.1 times on a mesh of twice as many elements."""
+    base, other = ("TC", "separate"), ("TC@frictionless", "separate")
+    cases = {}
+    for key, factors in ((base, (1.0, 1.1)), (other, (2.0, 2.31))):
+        about = {"changes": NO_FRICTION} if key == other else {}
+        fields = [limb(factor) for factor in factors]
+        pair = [result(key, each, contact_on(each, 10.0), **about) for each in fields]
+        cases[key] = with_second(*pair)
+    table = variants.tables(results_of(cases))[1]
+    rows = table.data.set_index(["tissue", "quantity"])
+    for quantity in ("effective_stress", "effective_stress_below_99.9"):
+        row = rows.loc[("muscle", quantity)]
+        assert row["median"] == pytest.approx(2) and not row.robust
+        assert row.median_mesh_error == pytest.approx(4 * 0.1)
+    text = table.markdown().replace("\N{NO-BREAK SPACE}", " ")
+    said = "×2.00 ± 0.40* (2.00 ± 0.40* to 2.00 ± 0.40*) ↕"  # noqa: RUF001
+    assert f"| muscle, effective stress, Separate | {said} |" in text
+    # one without a second mesh
+    cases[base] = replace(cases[base], second=None)
+    assert "median_mesh_error" not in variants.tables(results_of(cases))[1].data
+
+
+def test_the_ratio_of_a_level_counts_with_the_next_one():
+    """Without friction 0.9 % of the muscle have 100 kPa more, and on the second mesh 1.1 %."""
+    base, other = ("TC", "separate"), ("TC@frictionless", "separate")
+    cases = {}
+    for key, shares in ((base, (0.0, 0.0)), (other, (0.9, 1.1))):
+        about = {"changes": NO_FRICTION} if key == other else {}
+        pair = []
+        for share in shares:
+            fields = limb(1.0)
+            muscle = fields.cells_of("muscle")
+            area = fields.gauss_area[muscle].sum(axis=1)
+            more = muscle[100 * np.cumsum(area) <= share * area.sum()]
+            stress = fields.stress.copy()
+            stress[more, :, 0] += 100
+            pair.append(
+                result(key, replace(fields, stress=stress), contact_on(fields, 10.0), **about)
+            )
+        cases[key] = with_second(*pair)
+    rows = variants.quantities(variants.variants(results_of(cases)))
+    rows = rows[rows.variant != "base"].set_index(["tissue", "quantity"])
+    assert rows.ratio_mesh_error["muscle", "effective_stress_below_99.9"] > 1
+    assert not any(name.endswith("_99") for _, name in rows.index)
+
+
+def test_a_median_of_ratios_moves_no_more_than_its_ratios():
+    rows = {"tissue": "fat", "quantity": "q", "material_set": "m", "variant": "v"}
+    table = pd.DataFrame({**rows, "ratio": [1.0, 1.3], "ratio_mesh_error": [0.2, 0.1]})
+    found = variants.dependence(table).iloc[0]
+    assert found["median_mesh_error"] == pytest.approx(0.15)
+    assert found["low_mesh_error"] == pytest.approx(0.2)
+    assert found["high_mesh_error"] == pytest.approx(0.1)
+    table.loc[0, "ratio_mesh_error"] = np.nan
+    assert np.isnan(variants.dependence(table).iloc[0]["median_mesh_error"])
+
+
 def test_claims_under_each_variant(tables):
     counted = tables["verdicts_by_variant"].set_index("variant")
     assert counted.index.tolist() == ["base", "frictionless", "socket-fixed"]
@@ -103,7 +161,7 @@ def test_tables_as_they_are_read(study):
         table.name: table for table in [*variants.tables(study), *choices.tables(Findings(study))]
     }
     assert "C023" not in made["claims_by_variant"].markdown()
-    assert "×2.00 (2.00 to 2.00) *" in made["dependence"].markdown()  # noqa: RUF001
+    assert "×2.00 (2.00 to 2.00) ↕" in made["dependence"].markdown()  # noqa: RUF001
 
 
 def test_the_page_counts_all_cases_and_says_what_is_left_out(study, tmp_path):
@@ -120,7 +178,8 @@ def test_the_page_counts_all_cases_and_says_what_is_left_out(study, tmp_path):
         "TC@socket-fixed_combined is left out: why",
         "Cases: those that reached their full load.",
         "Of the base; variants change some.",
-        "Magnitude under the variant over that of the base. *: it moves by more than 10 %.",
+        "Magnitude under the variant over that of the base; of tissues, of what 99.9 % of the area",
+        "↕: it moves by more than 10 %. The CSV file",
         "Every result is a stable equilibrium",
     ):
         assert sentence in report.text, sentence

@@ -44,6 +44,7 @@ def test_a_row_a_case():
     rows = [
         ("A@friction=0.2", "m", "skin", "contact_pressure_mean", 12.5),
         ("A@friction=0.2", "m", "fascia", "effective_stress", 100.0),
+        ("A@friction=0.2", "m", "fascia", "effective_stress_below_99.9", 80.0),
         ("A@friction=0.2", "m", "vessel", "pressure", 9.0),
         ("A@friction=0.2", "m", "skin", limit.name, 3.0),
         ("B@w=3mm", "m", "skin", "contact_pressure_mean", 20.0),
@@ -53,19 +54,38 @@ def test_a_row_a_case():
     made = table(sweep, records, pd.DataFrame(rows, columns=columns))
     assert list(made.columns) == [
         "case", "socket", "material_set", "model.friction", "sockets.B.wall_thickness [mm]",
-        "contact_pressure_mean_kPa", "skin_effective_stress_kPa", "fat_effective_stress_kPa",
+        "contact_pressure_mean_kPa",
+        "skin_effective_stress_below_99.9_kPa", "fat_effective_stress_below_99.9_kPa",
+        "muscle_effective_stress_below_99.9_kPa", "fascia_effective_stress_below_99.9_kPa",
+        "vessel_effective_stress_below_99.9_kPa",
+        "skin_effective_stress_kPa", "fat_effective_stress_kPa",
         "muscle_effective_stress_kPa", "fascia_effective_stress_kPa",
-        "vessel_effective_stress_kPa", "vessel_pressure_kPa",
+        "vessel_effective_stress_kPa", "vessel_pressure_below_99.9_kPa", "vessel_pressure_kPa",
         "skin_share_of_contact_pressure_above_60_kPa_in_percent", "status",
     ]  # fmt: skip
     first, second, third = made.to_dict("records")
     assert first["case"] == "A@friction=0.2_m" and first["model.friction"] == 0.2
     assert pd.isna(first["sockets.B.wall_thickness [mm]"])  # does not reach it
     assert (first["fascia_effective_stress_kPa"], first["vessel_pressure_kPa"]) == (100.0, 9.0)
+    assert first["fascia_effective_stress_below_99.9_kPa"] == 80.0
     assert first["skin_share_of_contact_pressure_above_60_kPa_in_percent"] == 3.0
     assert second["sockets.B.wall_thickness [mm]"] == 3.0 and second["status"] == "failed"
     assert third["sockets.B.wall_thickness [mm]"] == 5.5
     assert pd.isna(third["contact_pressure_mean_kPa"])
+
+
+def test_each_number_has_its_mesh_error_behind_it_where_there_is_any():
+    rows = [
+        ("A@friction=0.2", "m", "skin", "contact_pressure_mean", 12.5, 0.3),
+        ("B@w=3mm", "m", "skin", "contact_pressure_mean", 20.0, None),
+    ]
+    columns = ["socket", "material_set", "tissue", "quantity", "value", "mesh_error"]
+    records = {each.name: each for each in RECORDS}
+    summary = pd.DataFrame(rows, columns=columns)
+    made = table(plan(("contact_pressure_mean",), "model.friction"), records, summary)
+    name = "contact_pressure_mean_kPa"
+    assert list(made.columns)[4:6] == [name, f"{name}_mesh_error"]
+    assert made[f"{name}_mesh_error"].fillna(-1).tolist() == [0.3, -1, -1]
 
 
 def test_before_anything_is_solved():

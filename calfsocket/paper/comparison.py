@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.paper import published
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
 from calfsocket.report.findings import Findings
 from calfsocket.simulation.results import KEY
 
@@ -26,14 +27,16 @@ _PER_MPA = {"kPa": 1e3, "MPa": 1.0, "GPa": 1e-3, "1/Pa": 1e-6, "": 1.0}
 def compare(rows: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
     """Return columns of rows with ours, paper, ratio, sign_flip and note.
 
-    There is no ratio where one of the two is missing or the paper has 0.
+    There is no ratio where one of the two is missing or the paper has 0. Behind ours is its mesh
+    error, where there is any.
     """
     known = rows.ours.notna() & rows.paper.notna() & (rows.paper != 0)
     compared = rows.assign(
         ratio=(rows.ours / rows.paper).abs().where(known),
         sign_flip=known & (rows.ours * rows.paper < 0),
     )
-    return compared[[*columns, "ours", "paper", "ratio", "sign_flip", "note"]]
+    error = [error_of("ours")] if error_of("ours") in rows else []
+    return compared[[*columns, "ours", *error, "paper", "ratio", "sign_flip", "note"]]
 
 
 def materials(laws: Laws) -> pd.DataFrame:
@@ -64,7 +67,9 @@ def _parameter(law: dict[str, Any], symbol: str, unit: str) -> float:
 def maxima(findings: Findings) -> pd.DataFrame:
     """Tables 2 and 4: largest stresses (kPa) and strains (%) of the cases solved."""
     cell = ["tissue", "quantity", *KEY]
-    ours = findings.results.summary.rename(columns={"value": "ours"})[[*cell, "ours"]]
+    names = {"value": "ours", MESH_ERROR: error_of("ours")}
+    ours = findings.results.summary.rename(columns=names)
+    ours = ours[[*cell, *(name for name in names.values() if name in ours)]]
     solved = pd.DataFrame(list(findings.results), columns=list(KEY))
     printed = published.maxima().rename(columns={"printed": "paper"}).merge(solved, on=list(KEY))
     return compare(printed.merge(ours, on=cell, how="left"), [*cell, "unit"])
@@ -77,28 +82,52 @@ def changes(findings: Findings) -> pd.DataFrame:
     """
     cell = ["tissue", "site", "socket", "quantity"]
     names = {"relative_change_pct": "ours", "magnitude_change_pct": "ours_magnitude"}
-    ours = findings.changes.rename(columns=names)[[*cell, *names.values(), "region"]]
-    rows = published.changes().rename(columns={"printed": "paper"}).merge(ours, on=cell)
+    names |= {error_of(column): error_of(name) for column, name in names.items()}
+    ours = findings.changes.rename(columns=names)
+    known = [name for name in names.values() if name in ours]
+    rows = published.changes().rename(columns={"printed": "paper"})
+    rows = rows.merge(ours[[*cell, *known, "region"]], on=cell)
     both = published.maximum().abs().unstack("material_set")
     change = (100 * (both.combined / both.separate - 1)).rename("paper_magnitude")
     rows = rows.join(change, on=change.index.names)
     rows["paper_magnitude"] = rows.paper_magnitude.where(rows.site == "max_both")
-    more = ["ours_magnitude", "paper_magnitude", "region", "note"]
-    return compare(rows, cell).drop(columns="note").join(rows[more])
+    compared = compare(rows, cell).drop(columns="note")
+    more = [name for name in known if name not in compared]
+    return compared.join(rows[[*more, "paper_magnitude", "region", "note"]])
+
+
+def quantile(cells: pd.DataFrame, share: float) -> tuple[float, float]:
+    """Return a quantile of ratios, and its mesh error: NaN where a cell has none.
+
+    It is by how much the quantile moves where all ratios move by their own mesh errors, one way or
+    the other.
+    """
+    value = float(cells.ratio.quantile(share))
+    if error_of("ours") not in cells or cells[error_of("ours")].isna().any():
+        return value, np.nan
+    error = cells[error_of("ours")] / cells.paper.abs()
+    ends = [(cells.ratio + side * error).quantile(share) for side in (-1, 1)]
+    return value, float(np.abs(np.array(ends) - value).max())
 
 
 def agreement(cells: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     """Median and worst ratio of groups of cells, and where the worst is.
 
-    The worst ratio is the one farthest from 1 in either direction, by its logarithm.
+    The worst ratio is the one farthest from 1 in either direction, by its logarithm. Both have mesh
+    errors where their cells have.
     """
     cells = cells.dropna(subset="ratio")
     far = np.abs(np.log(cells.ratio.clip(lower=np.finfo(float).tiny)))
     groups = cells.groupby(by, sort=False)
     worst = cells.loc[far.groupby([cells[name] for name in by], sort=False).idxmax()]
     found = groups.agg(cells=("ratio", "size"), median_ratio=("ratio", "median")).reset_index()
-    return found.assign(
+    found = found.assign(
         worst_ratio=worst.ratio.to_numpy(),
         worst_at=(worst.socket + " " + worst["quantity"]).to_numpy(),
         sign_flips=groups.sign_flip.sum().to_numpy(),
     )
+    if error_of("ours") in worst:
+        errors = [quantile(rows, 0.5)[1] for _, rows in groups]
+        found[error_of("median_ratio")] = errors
+        found[error_of("worst_ratio")] = (worst[error_of("ours")] / worst.paper.abs()).to_numpy()
+    return found

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, PathPatch
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
 from calfsocket.plotting.style import WIDTH_MM, add_axes, legend_at, new_figure
+from calfsocket.postprocess.mesh_error import error_of
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import names
 from calfsocket.report.changes import complete_sockets
@@ -36,6 +38,8 @@ LINEAR_TO_PCT = 100.0  # logarithmic beyond, where all of the range is shown
 LIMITED_PCT, ROOM_PCT = 250.0, 10.0  # room for all of a mark at the limit
 PAPER: dict[str, Any] = {"linestyle": "", "marker": "D", "markeredgewidth": 0.6}
 PAPER |= {"markerfacecolor": "white", "markeredgecolor": "black"}
+
+ERROR: dict[str, Any] = {"color": "black", "linewidth": 0.6}
 
 RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 """Digits of an exponent."""
@@ -67,7 +71,7 @@ def _maxima(table: pd.DataFrame, columns: tuple[str, str], label: str) -> Figure
         _bars(axes, table, "quantity", quantities, columns, sockets)
         axes.set_title(f"Largest {title}", y=1.0)
         axes.set_ylabel(label)
-    legend_at(figure, 14.0, 3.0, _key(sockets))
+    legend_at(figure, 14.0, 3.0, _key(table))
     return figure
 
 
@@ -95,7 +99,7 @@ def at_sites(table: pd.DataFrame, quantities: Sequence[str]) -> Figure:
         Line2D([], [], linestyle="", label=f"{SHORT[site]}: {names.SITES[site]}")
         for site in AT_SITES
     ]
-    legend_at(figure, 15.0, 7.0, _key(sockets))
+    legend_at(figure, 15.0, 7.0, _key(table))
     legend_at(figure, 9.0, 2.0, sites)
     return figure
 
@@ -146,6 +150,8 @@ def _bars(
     for socket in sockets:
         mine = (shown.socket == socket) & ours.notna()
         _draw_bars(axes, x[mine].to_numpy(), ours[mine].to_numpy(), width, SOCKET_COLOURS[socket])
+    if (column := error_of(columns[0])) in shown:
+        _draw_errors(axes, x, ours, shown[column])
     axes.plot(x, paper.where(paper.abs() <= marked), **PAPER, markersize=2.6, zorder=3)
     for i, tissue in enumerate(tissues):
         if i % 2 == 0:
@@ -183,6 +189,19 @@ def _draw_bars(
     axes.update_datalim(vertices.reshape(-1, 2))
 
 
-def _key(sockets: Sequence[str]) -> list[Artist]:
+def _draw_errors(
+    axes: Axes, x: "pd.Series[float]", middle: "pd.Series[float]", error: "pd.Series[float]"
+) -> None:
+    """Draw mesh errors as lines; where these go beyond the bars, the axis does not follow."""
+    ends = [np.column_stack([x, middle + side * error]) for side in (-1, 1)]
+    lines = LineCollection([*np.stack(ends, axis=1)], **ERROR, zorder=2.6)
+    axes.add_collection(lines, autolim=False)
+
+
+def _key(table: pd.DataFrame) -> list[Artist]:
+    sockets = table.socket.unique()
     bars: list[Artist] = [Patch(color=SOCKET_COLOURS[socket], label=socket) for socket in sockets]
-    return [*bars, Line2D([], [], **PAPER, markersize=3.2, label="the paper's number")]
+    paper = Line2D([], [], **PAPER, markersize=3.2, label="the paper's number")
+    if error_of("ours") not in table:
+        return [*bars, paper]
+    return [*bars, paper, Line2D([], [], **ERROR, label="mesh error")]

@@ -17,6 +17,7 @@ from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.socket import reference_sockets
 from calfsocket.paper import calibration, choices, scoreboard
 from calfsocket.paper.calibration import Calibration, NoCalibration
+from calfsocket.paper.comparison import quantile
 from calfsocket.paper.evidence import CASES, Evidence
 from calfsocket.paper.figures import figures
 from calfsocket.paper.published import PARTS, pressure
@@ -24,6 +25,7 @@ from calfsocket.paper.tables import FLIP, tables
 from calfsocket.report import method
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table
+from calfsocket.report.words import measured
 from calfsocket.report.write import Draw, Guest
 from calfsocket.simulation.results import Key, Results
 
@@ -145,7 +147,7 @@ class PaperGuest(Guest):
             "counted": counted,
             "tally": scoreboard.tally(counted),
             "parts": scoreboard.parts(board),
-            "ratio": evidence.maxima.ratio.dropna(),
+            "ratios": _quartiles(evidence.maxima),
             "board": board,
             "board_by_part": _by_part(board),
             "marks": MARKS,
@@ -180,6 +182,12 @@ class PaperGuest(Guest):
             case InputError() as why:
                 return f"The calibration, figure 3, is left out: {why}."
         return ""
+
+
+def _quartiles(maxima: pd.DataFrame) -> list[str]:
+    """Return the quartiles of ratios to the paper's numbers in words; none where there are none."""
+    cells = maxima.dropna(subset="ratio")
+    return [measured(*quantile(cells, share)) for share in (0.25, 0.5, 0.75) if len(cells)]
 
 
 def _by_part(board: pd.DataFrame) -> list[tuple[str, list[dict[str, Any]]]]:

@@ -6,14 +6,16 @@ import pandas as pd
 
 from calfsocket.paper import comparison, published
 from calfsocket.paper.evidence import STRAINS, STRESSES, Evidence
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
 from calfsocket.report import names
 from calfsocket.report.names import SETS
 from calfsocket.report.table import Table, in_words, spread
-from calfsocket.report.words import TIMES, TOGETHER, change, number
+from calfsocket.report.words import TIMES, TOGETHER, change, changes_all, measured_all, number
 
 FLIP = "\N{RIGHTWARDS ARROW OVER LEFTWARDS ARROW}"
 MARK = "\N{DAGGER}"
 
+CHANGE = "relative_change_pct"
 PRESSURES = (
     ("skin", "contact_pressure_max"),
     ("skin", "contact_pressure_mean"),
@@ -45,10 +47,11 @@ def _materials(data: pd.DataFrame) -> Table:
 
 def _maxima(n: int, maxima: pd.DataFrame, quantities: Sequence[str]) -> Table:
     data = maxima[maxima.quantity.isin(quantities)].reset_index(drop=True)
+    ours = measured_all(data.ours, data, error_of("ours"))
     text = [
-        f"{number(row.ours)} ({number(row.paper)}{_mark(row.note)},"
+        f"{said} ({number(row.paper)}{_mark(row.note)},"
         f"{TOGETHER}{TIMES}{number(row.ratio)}{FLIP if row.sign_flip else ''})"
-        for row in data.itertuples()
+        for said, row in zip(ours, data.itertuples(), strict=True)
     ]
     shown = spread(in_words(data), ["tissue", "quantity"], ["socket", "material_set"], text)
     notes = _notes(data, "tissue", "socket", "material_set", "quantity")
@@ -57,9 +60,10 @@ def _maxima(n: int, maxima: pd.DataFrame, quantities: Sequence[str]) -> Table:
 
 def _changes(n: int, changes: pd.DataFrame, quantities: Sequence[str]) -> Table:
     data = changes[changes.quantity.isin(quantities)].reset_index(drop=True)
+    ours = changes_all(data.ours, data, error_of("ours"))
     text = [
-        f"{change(row.ours)} ({change(row.paper)}{_mark(row.note)}{FLIP if row.sign_flip else ''})"
-        for row in data.itertuples()
+        f"{said} ({change(row.paper)}{_mark(row.note)}{FLIP if row.sign_flip else ''})"
+        for said, row in zip(ours, data.itertuples(), strict=True)
     ]
     shown = spread(in_words(data), ["tissue", "site"], ["socket", "quantity"], text)
     return Table(f"table{n}", data, shown, _notes(data, "tissue", "socket", "quantity", "site"))
@@ -73,8 +77,8 @@ def _agreement(maxima: pd.DataFrame) -> Table:
             "tissue": data.tissue.map(names.TISSUES),
             "set": data.material_set.map(names.material_set),
             "cells": data.cells.map(str),
-            "median ratio": data.median_ratio.map(number),
-            "worst ratio": data.worst_ratio.map(number),
+            "median ratio": measured_all(data.median_ratio, data, error_of("median_ratio")),
+            "worst ratio": measured_all(data.worst_ratio, data, error_of("worst_ratio")),
             "worst in": [f"{socket}, {names.QUANTITIES[name]}" for socket, name in places],
             "signs that differ": data.sign_flips.map(str),
         }
@@ -85,23 +89,31 @@ def _agreement(maxima: pd.DataFrame) -> Table:
 def _pressure(evidence: Evidence) -> Table:
     """Pressures of every socket in both sets, with their changes: ours and the paper's."""
     key = ["tissue", "quantity", "socket"]
-    sets = evidence.results.summary.pivot(index=key, columns="material_set", values="value")
+    summary = evidence.results.summary
+    columns = [name for name in ("value", MESH_ERROR) if name in summary]
+    sets = summary.pivot(index=key, columns="material_set", values=columns)
+    sets = sets.reindex(columns=pd.MultiIndex.from_product([columns, SETS]))
+    sets.columns = [
+        f"{name}_kPa" if column == "value" else error_of(f"{name}_kPa")
+        for column, name in sets.columns
+    ]
     both = evidence.changes[evidence.changes.site == "max_both"].set_index(key)
+    both = both[[name for name in both if name.startswith(CHANGE)]]
     printed = published.pressure().set_index(key).printed
     cells = [(*pair, socket) for pair in PRESSURES for socket in evidence.results.sockets]
     data = (
         pd.DataFrame(cells, columns=key)
-        .join(sets.reindex(columns=[*SETS]).add_suffix("_kPa"), on=key)
-        .join(both.relative_change_pct.rename("change_pct"), on=key)
+        .join(sets, on=key)
+        .join(both.rename(columns=lambda name: name.removeprefix("relative_")), on=key)
         .join(printed.rename("paper_change_pct"), on=key)
     )
     shown = pd.DataFrame(
         {
-            "pressure": data.quantity.map(names.QUANTITIES | {"pressure": "in the vessels"}),
+            "pressure": data["quantity"].map(names.QUANTITIES | {"pressure": "in the vessels"}),
             "socket": data.socket,
-            "Separate, kPa": data.separate_kPa.map(number),
-            "Combined, kPa": data.combined_kPa.map(number),
-            "change, %": data.change_pct.map(change),
+            "Separate, kPa": measured_all(data.separate_kPa, data, error_of("separate_kPa")),
+            "Combined, kPa": measured_all(data.combined_kPa, data, error_of("combined_kPa")),
+            "change, %": changes_all(data.change_pct, data, error_of("change_pct")),
             "paper's change, %": data.paper_change_pct.map(change),
         }
     )

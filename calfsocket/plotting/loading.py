@@ -17,6 +17,13 @@ from calfsocket.plotting.style import new_figure, type_set
 PANEL_MM, KEY_MM = 65.0, 9.0
 MOST_ABREAST, STAGES_ABREAST = 3, 6  # panels in a row; stages in a line of the key
 
+NAMES = {
+    "slipping_percent": "part of the contact that slips, %",
+    "dissipated_N_mm_per_mm": "work of friction, N mm/mm",
+    "pressing_N_per_mm": "pressing force, N/mm",
+}
+"""Words for columns whose names say less."""
+
 SMALLEST_CHANGE = 1e-6
 """Of a load in N/mm, N mm/mm or %: less is what Newton's tolerance leaves of one that stays."""
 
@@ -28,6 +35,10 @@ def columns_of(curve: pd.DataFrame, start: str) -> list[str]:
 
 def _words(column: str) -> str:
     """Return a column's name in words, its unit behind a comma."""
+    if column in NAMES:
+        return NAMES[column]
+    if column.startswith("volume_"):
+        return f"change of volume of {column.removeprefix('volume_').removesuffix('_percent')}, %"
     for unit, written in (
         ("_N_mm_per_mm", ", N mm/mm"),
         ("_N_per_mm", ", N/mm"),

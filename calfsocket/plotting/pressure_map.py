@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from calfsocket.plotting import files
@@ -22,6 +23,7 @@ from calfsocket.plotting.style import (
     new_figure,
     type_set,
 )
+from calfsocket.postprocess.mesh_error import SETTLED, with_error
 from calfsocket.postprocess.pressure_map import (
     PLANE_STRAIN,
     WINDOW,
@@ -69,6 +71,8 @@ def draw(found: PressureMap) -> Figure:
         f"linearly. Values are running means over {WINDOW} along the skin, at its unloaded place. "
         f"{PLANE_STRAIN}"
     )
+    if any(np.isfinite(level.error_kPa) for level in found.levels):
+        note += f" ±: mesh error; *: not settled within {100 * SETTLED:g} %."
     figure.text(
         LEFT_MM / WIDTH_MM, 1.5 / height_mm(figure), "\n".join(textwrap.wrap(note, NOTE_LETTERS)),
         va="bottom", fontsize=6,
@@ -109,7 +113,7 @@ def _panel(
             drawn = axes.contour(
                 angle, height[run], turned[run], levels=lines, colors="#222222", linewidths=0.4
             )
-            axes.clabel(drawn, fontsize=5.5, fmt="%g", inline_spacing=2)
+            axes.clabel(drawn, fontsize=5.5, fmt=_value, inline_spacing=8)
         else:  # no neighbour to interpolate to
             axes.scatter(
                 angle, np.full(len(angle), height[run[0]]), c=turned[run[0]], cmap=colours.cmap,
@@ -125,6 +129,10 @@ def _panel(
         colours, ax=axes, cax=axes.inset_axes((1.12, 0.0, 0.025, 1.0)), label=what
     )
     bar.outline.set_linewidth(0.4)  # type: ignore[operator]
+
+
+def _value(level: float) -> str:
+    return f"{level:g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _unrolled(values: Array) -> tuple[Array, Array]:
@@ -185,9 +193,12 @@ def _mark_largest(axes: Axes, found: PressureMap) -> None:
     row, column = np.unravel_index(np.nanargmax(pressure), pressure.shape)
     place = (angles()[column] - CUT_DEG) % 360, found.height_mm[row]
     axes.plot(*place, marker="+", color="black", markersize=8, markeredgewidth=1.0, zorder=5)
+    value = pressure[row, column]
+    said = with_error(f"{value:.0f}", value, found.levels[int(row)].error_kPa)
     axes.annotate(
-        f"{pressure[row, column]:.0f} kPa", place, xytext=(4, 4), textcoords="offset points",
+        f"{said} kPa", place, xytext=(4, 4), textcoords="offset points",
         fontsize=6.5, zorder=5, annotation_clip=False,
+        path_effects=[withStroke(linewidth=1.6, foreground="white")],
     )  # fmt: skip
 
 

@@ -38,6 +38,8 @@ BONE = "#d9d9d9"
 SOCKET = "#555555"
 OUTLINE = "#1a1a1a"
 QUIET = "#333333"
+BARS_MM, LONGEST_BAR = (100, 50, 20, 10, 5, 2, 1), 0.25
+"""Lengths of a scale bar, and how long it is at most as a share of the drawing's width."""
 STRAIGHT = 0.02
 """Distance of a node from a straight line that leaves it out, pixels or, in a PDF, points."""
 
@@ -239,7 +241,12 @@ def mark_directions(
 
 
 def scale_bar(axes: Axes, window: Window, fontsize: float, margin: float = 3.0) -> None:
-    """Draw 20 mm at the window's lower left."""
+    """Draw a round length, 20 mm in a section of a calf, at the window's lower left."""
     x, y = window[0] + margin, window[2] + margin
-    axes.plot([x, x + 20], [y, y], color="black", linewidth=1.5, solid_capstyle="butt")
-    axes.text(x + 10, y + 1.5, "20 mm", ha="center", va="bottom", fontsize=fontsize)
+    width = window[1] - window[0]
+    long = next((mm for mm in BARS_MM if mm <= LONGEST_BAR * width), BARS_MM[-1])
+    axes.plot([x, x + long], [y, y], color="black", linewidth=1.5, solid_capstyle="butt")
+    axes.annotate(
+        f"{long} mm", (x + long / 2, y), xytext=(0, 2.5), textcoords="offset points", ha="center",
+        va="bottom", fontsize=fontsize, annotation_clip=False,
+    )  # fmt: skip

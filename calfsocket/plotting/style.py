@@ -16,7 +16,7 @@ from calfsocket.plotting import section as drawing
 
 WIDTH_MM = 180.0  # a page of A4 or letter without its margins
 PNG_DPI = 300
-INCH_MM = 25.4
+INCH_MM, POINTS = 25.4, 72.0  # an inch in mm and in points
 
 TYPE = {
     "font.family": "DejaVu Sans",
@@ -38,6 +38,7 @@ TYPE = {
 # Of panels, mm.
 TOP_MM, LINE_MM = 6.0, 3.4  # room for a title, and for each further line of it
 MOST_ABREAST, MOST_SHOWN = 4, 12  # panels in a row, and in a figure
+LETTER_EM = 0.55  # width of a letter over the size of its type, on average
 LETTER_MM = 1.7  # width of a letter of a title, on average
 LARGEST_PANEL_MM = 90.0
 
@@ -55,8 +56,20 @@ def new_figure(height: float) -> Figure:
 def heading(title: str, width: float) -> str:
     """Return the title of a panel: on lines that fit in mm, and a new one for each change."""
     parts = title.replace("@", ",@").split(",") if "@" in title else [title]
-    lines = (textwrap.wrap(part.strip(" @"), int(width / LETTER_MM)) for part in parts)
+    letters = int(width / LETTER_MM)
+    lines = (textwrap.wrap(part.strip(" @"), letters, break_on_hyphens=False) for part in parts)
     return "\n".join(line for wrapped in lines for line in wrapped)
+
+
+def fitting(text: str, width: float, largest: float) -> float:
+    """Return the size of type, up to the largest, in which the lines of a text fit in mm."""
+    longest = max(map(len, text.split("\n")))
+    return min(largest, width / (longest * LETTER_EM) / INCH_MM * POINTS)
+
+
+def width_mm(axes: Axes) -> float:
+    """Width of axes in a figure of the full width, mm."""
+    return axes.get_position().width * WIDTH_MM
 
 
 def height_mm(figure: Figure) -> float:

@@ -15,6 +15,7 @@ Components with a direction count by their magnitude, as in thresholds; what may
 has levels of both ends beside it.
 """
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -129,9 +130,21 @@ def levels(
     return pd.DataFrame(rows, columns=list(LEVEL_COLUMNS))
 
 
-def statistics_of(quantities: Quantities, tissue: str, quantity: str) -> dict[str, float]:
-    """Return the `statistics` of a quantity in a tissue of the section, by area."""
-    return _of_cells(quantities, quantities.fields.cells_of(tissue), quantity)
+def levels_of(quantities: Quantities, wanted: Iterable[tuple[str, str]]) -> "pd.DataFrame":
+    """Return `STATISTICS` of some quantities, one row a tissue and quantity, as of `levels`.
+
+    Of whole tissues that the section has, and of any of its quantities.
+    """
+    import pandas as pd
+
+    return pd.DataFrame(
+        [
+            {"tissue": tissue, "region": "", "quantity": quantity}
+            | _of_cells(quantities, quantities.fields.cells_of(tissue), quantity)
+            for tissue, quantity in wanted
+        ],
+        columns=["tissue", "region", "quantity", *STATISTICS],
+    )
 
 
 def _of_cells(quantities: Quantities, cells: NDArray[np.int64], quantity: str) -> dict[str, float]:

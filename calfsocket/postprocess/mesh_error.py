@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
-from calfsocket.postprocess.levels import BELOW, LOWER, STATISTICS, UPPER
+from calfsocket.postprocess.levels import BELOW, LOWER, NEARLY_ALL, STATISTICS, UPPER
 from calfsocket.postprocess.quantities import SIGNED
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ SMALLEST_RATIO = 1.2
 
 SETTLED = 0.02
 """A number whose mesh error is a larger share of its magnitude has not settled."""
+
+TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
 
 MESH_ERROR = "mesh_error"
 """Column of a number's error in its unit; of levels behind the name of each."""
@@ -100,6 +102,35 @@ def of_levels(first: "pd.DataFrame", second: "pd.DataFrame", times: float) -> "p
     return first.assign(**{error_of(name): errors[error_of(name)] for name in STATISTICS})
 
 
+def with_levels(
+    summary: "pd.DataFrame", levels: "pd.DataFrame", level: str = NEARLY_ALL
+) -> "pd.DataFrame":
+    """Return rows of a summary, and behind them what nearly all of each tissue stays below.
+
+    Parameters
+    ----------
+    summary, levels
+        Of the same cases, both with or both without mesh errors; more columns stay.
+    level
+        One of `BELOW`.
+
+    Returns
+    -------
+    DataFrame
+        The rows of the summary, and of whole tissues and of contact rows with the quantity
+        ``QUANTITY_below_99.9``, its value and its mesh_error in the place of all numbers.
+    """
+    import pandas as pd
+
+    whole = levels[levels.region.fillna("") == ""]
+    found = {"quantity": whole["quantity"] + f"_{level}", "value": whole[level]}
+    if error_of(level) in whole:
+        found[MESH_ERROR] = whole[error_of(level)]
+    rows = whole.assign(**found)
+    columns = [name for name in rows if name in summary]
+    return pd.concat([summary, rows[columns]], ignore_index=True)
+
+
 def _with_neighbours(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest of each column and those beside it."""
     padded = np.pad(shares, ((0, 0), (1, 1)), mode="edge")
@@ -109,3 +140,29 @@ def _with_neighbours(shares: NDArray[np.float64]) -> NDArray[np.float64]:
 def settled(value: float, error: float) -> bool:
     """Return whether a number has settled; False where its error is not known."""
     return bool(error <= SETTLED * abs(value))
+
+
+def with_error(text: str, value: float, error: float, written: str = "", of: float = 0.0) -> str:
+    """Return a number as text with its error behind it, and a star where it has not settled.
+
+    Parameters
+    ----------
+    text
+        The number. Its error has the same decimals; where these would be zeros, it says what it
+        is below. A number that is 0 on both meshes stays alone, and so does one whose error is not
+        known.
+    value, error
+        The number and its error.
+    written
+        How the error is written, where not with decimals.
+    of
+        What a change in percent is a change of, 100: it has settled where its error is small
+        beside the larger of the two numbers.
+    """
+    if not (np.isfinite(error) and np.isfinite(value)) or value == 0 == error:
+        return text
+    decimals = len(text.partition(".")[2])
+    half = 0.5 * 10.0**-decimals
+    small = f"<{half:.{decimals + 1}f}" if error < half else f"{error:.{decimals}f}"
+    star = "" if settled(max(abs(value + of), of), error) else "*"
+    return f"{text}{TOGETHER}\N{PLUS-MINUS SIGN}{TOGETHER}{written or small}{star}"

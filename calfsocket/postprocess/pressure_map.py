@@ -55,6 +55,8 @@ class MapLevel:
     pressure_kPa, shear_kPa : Array
         Contact pressure and friction at the angles, (m,), both as running means along the skin;
         friction is positive toward larger anatomical angles. NaN where there are no results.
+    error_kPa : float
+        Mesh error of the level's largest pressure; NaN without a second mesh.
     """
 
     place: Place
@@ -62,6 +64,7 @@ class MapLevel:
     points: Array = field(default_factory=lambda: np.full((len(angles()), 3), np.nan))
     pressure_kPa: Array = field(default_factory=lambda: np.full(len(angles()), np.nan))
     shear_kPa: Array = field(default_factory=lambda: np.full(len(angles()), np.nan))
+    error_kPa: float = np.nan
 
     @property
     def solved(self) -> bool:
@@ -70,10 +73,15 @@ class MapLevel:
 
     @classmethod
     def of(
-        cls, place: Place, limb: Limb | None, line: ContactLine | None, missing: str = ""
+        cls,
+        place: Place,
+        limb: Limb | None,
+        line: ContactLine | None,
+        missing: str = "",
+        error_kPa: float = np.nan,
     ) -> "MapLevel":
         """Make a level of its section and the contact along it; None where there is none."""
-        points = {} if limb is None else {"points": placed(limb, place)}
+        points: dict[str, Any] = {} if limb is None else {"points": placed(limb, place)}
         if line is None or limb is None:
             return cls(place, missing or "not solved", **points)
         frame = limb.frame
@@ -85,6 +93,7 @@ class MapLevel:
             **points,
             pressure_kPa=_at_angles(angle, line.running_mean_kPa),
             shear_kPa=turn * _at_angles(angle, running_mean(line, values=line.shear_kPa)),
+            error_kPa=error_kPa,
         )
 
 

@@ -6,9 +6,8 @@ from matplotlib.figure import Figure
 
 from calfsocket.plotting import pressure_map
 from calfsocket.postprocess.mesh_error import MESH_ERROR
-from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import Table, in_words, spread
+from calfsocket.report.table import Table, in_words, settling, spread
 from calfsocket.report.words import measured_all
 from calfsocket.simulation.results import Key
 
@@ -38,7 +37,7 @@ def tables(findings: Findings) -> list[Table]:
     if findings.levels is None:
         return []
     data = findings.results.worst_levels
-    rows = data[data.quantity.isin((*UNITS, *CONTACT_UNITS))]
+    rows = settling(data)
     values = measured_all(rows.value, rows, MESH_ERROR)
     text = [f"{value} at {level:.3f}" for value, level in zip(values, rows.level, strict=True)]
     shown = in_words(rows)

@@ -1,19 +1,22 @@
 """The numbers of the answer: what a reader should take home. Its sentences are in the template."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from calfsocket.postprocess.levels import BY_MAGNITUDE, NEARLY_ALL, SHARES
+from calfsocket.postprocess.levels import BELOW, BY_MAGNITUDE, NEARLY_ALL, SHARES, levels_of
 from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
 from calfsocket.postprocess.quantities import REPORTED
 from calfsocket.report import names
 from calfsocket.report.changes import magnitude_change
 from calfsocket.report.findings import Findings
 from calfsocket.report.method import states_of
-from calfsocket.report.words import measured, measured_all, span
+from calfsocket.report.words import changes, measured, measured_all, span
+from calfsocket.simulation.result import Result
 
 MOST_NAMED, MOST_LISTED = 4, 6
 """Sockets that one sentence names, and cases."""
@@ -128,12 +131,17 @@ class Answer:
 
     def pressure_changes(self, quantity: str) -> "pd.Series[float]":
         """Relative changes of a contact pressure by socket, %."""
-        rows = self.changes[self.changes.quantity == quantity]
+        rows = self.changes[self.changes["quantity"] == quantity]
         return rows.set_index("socket").relative_change_pct
+
+    def pressure_change(self, quantity: str) -> str:
+        """Return the same in words, with mesh errors."""
+        rows = self.changes[self.changes["quantity"] == quantity]
+        return changes(rows.relative_change_pct, rows.get(error_of("relative_change_pct")))
 
     def _both(self, quantity: str) -> pd.DataFrame:
         """Return levels of a quantity by socket and tissue, with a column for either set."""
-        rows = self._levels[self._levels.quantity == quantity]
+        rows = self._levels[self._levels["quantity"] == quantity]
         rows = rows[rows.tissue.isin(self.findings.soft_tissues)]
         sets = rows.pivot(index=["socket", "tissue"], columns="material_set", values=NEARLY_ALL)
         return sets[[*names.SETS]].dropna()
@@ -141,7 +149,24 @@ class Answer:
     def level_changes(self, tissue: str, quantity: str) -> str:
         """Return the range of changes of a tissue's levels over sockets, %, in words."""
         rows = self._both(quantity).xs(tissue, level="tissue")
-        return span(rows.separate.combine(rows.combined, magnitude_change))
+        found = rows.separate.combine(rows.combined, magnitude_change)
+        errors = [self._level_error(socket, tissue, quantity) for socket in rows.index]
+        return span(found, pd.Series(errors, rows.index))
+
+    def _level_error(self, socket: str, tissue: str, quantity: str) -> float:
+        """Return the mesh error of a change of a level: as of a level, by itself and the next."""
+        pair = [self.results[socket, name] for name in names.SETS]
+        second = [each.second for each in pair if each.second]
+        if len(second) < len(pair):
+            return np.nan
+
+        def found(both: Sequence[Result]) -> NDArray[np.float64]:
+            rows = [levels_of(each.quantities, [(tissue, quantity)]) for each in both]
+            levels = [each[[*BELOW[-2:]]].to_numpy().ravel() for each in rows]
+            return np.array([magnitude_change(*each) for each in zip(*levels, strict=True)])
+
+        largest = np.abs(found(pair) - found(second)).max()
+        return float(max(each.times_change for each in pair) * largest)
 
     def most_loaded(self, material_set: str, quantity: str) -> str:
         """Return the tissue with the highest level, over the sockets with both sets."""
@@ -156,10 +181,11 @@ class Answer:
         table, found = self.findings.damage, []
         for threshold in self.findings.thresholds.all[:2]:
             tissue, quantity, limit = threshold.tissue, threshold.quantity, threshold.value
-            rows = table[(table.tissue == tissue) & (table.quantity == quantity)]
+            rows = table[(table.tissue == tissue) & (table["quantity"] == quantity)]
             if len(rows):
-                what = f"{limit:g} % {names.QUANTITIES[quantity]} in {names.TISSUES[tissue]}"
                 share = rows.area_share_pct
+                rows = rows.assign(said=measured_all(share, rows, error_of("area_share_pct")))
+                what = f"{limit:g} % {names.QUANTITIES[quantity]} in {names.TISSUES[tissue]}"
                 found.append((what, rows[share > BEYOND], bool((share > 0).any())))
         return found
 

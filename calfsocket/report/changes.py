@@ -17,8 +17,10 @@ import numpy as np
 import pandas as pd
 
 from calfsocket.postprocess.contact_line import ContactLine
+from calfsocket.postprocess.mesh_error import error_of
 from calfsocket.postprocess.quantities import (
     NOWHERE,
+    SIGNED,
     SUMMARY_TISSUES,
     Maximum,
     first_largest,
@@ -29,6 +31,9 @@ from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
 
 COLUMNS = ("socket", "tissue", "quantity", "site", "separate", "combined", "region", "x_mm", "y_mm")
+
+NUMBERS = ("separate", "combined", "relative_change_pct", "magnitude_change_pct")
+"""Columns that have a mesh error where both cases have a second mesh."""
 
 Row = tuple[str, str, float, float, str, float, float]
 """The columns from the quantity on."""
@@ -62,16 +67,41 @@ def relative_changes(results: Results, tissues: Sequence[str] = SUMMARY_TISSUES)
         magnitude_change_pct. Site "max_separate"
         compares both sets where Separate has its maximum, "max_combined" where Combined has it,
         "max_both" each set's own maximum, wherever it is. Contact pressure stands with the skin:
-        contact_pressure_max at its sites, and contact_pressure_mean, which has no site.
+        contact_pressure_max at its sites, and contact_pressure_mean, which has no site. Where cases
+        have a second mesh, each of `NUMBERS` has a column with its mesh error: by the change of the
+        number itself, since errors of two cases on one mesh are alike.
     """
+    parts = [_of_socket(results, socket, tissues) for socket in complete_sockets(results)]
+    return pd.concat(parts or [_compared("", (), ())], ignore_index=True)
+
+
+def _of_socket(results: Results, socket: str, tissues: Sequence[str]) -> pd.DataFrame:
+    """Return the rows of a socket, with mesh errors where both of its cases have one."""
+    pair = [results[socket, name] for name in SETS]
+    table = _compared(socket, pair, tissues)
+    second = [each.second for each in pair if each.second]
+    if len(second) < len(pair):
+        return table
+    other = _compared(socket, second, tissues)
+    times = max(each.times_change for each in pair)
+    signed = table["quantity"].isin(SIGNED)
+    errors = {}
+    for name in NUMBERS:
+        change = (table[name] - other[name]).abs()
+        if name in SETS:  # as in the summary
+            change = change.where(~signed, (table[name].abs() - other[name].abs()).abs())
+        errors[error_of(name)] = times * change
+    return table.assign(**errors)
+
+
+def _compared(socket: str, pair: Sequence[Result], tissues: Sequence[str]) -> pd.DataFrame:
     rows: list[tuple[Any, ...]] = []
-    for socket in complete_sockets(results):
-        pair = results[socket, "separate"], results[socket, "combined"]
-        for tissue in tissues:
-            found = [row for name in reported(tissue) for row in _tissue_rows(*pair, tissue, name)]
-            if tissue == "skin":
-                found += _contact_rows(*pair)
-            rows += [(socket, tissue, *row) for row in found]
+    for tissue in tissues:
+        s, c = pair
+        found = [row for name in reported(tissue) for row in _tissue_rows(s, c, tissue, name)]
+        if tissue == "skin":
+            found += _contact_rows(s, c)
+        rows += [(socket, tissue, *row) for row in found]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     return table.assign(
         relative_change_pct=table.separate.combine(table.combined, relative_change),

@@ -9,13 +9,17 @@ tensile principal strain and by its shear strain.
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from calfsocket.io.errors import InputError
 from calfsocket.postprocess.fields import TISSUES
-from calfsocket.postprocess.levels import NEARLY_ALL, statistics_of
-from calfsocket.postprocess.thresholds import Threshold, area_beyond, tissue_area
-from calfsocket.simulation.results import KEY, Results
+from calfsocket.postprocess.levels import NEARLY_ALL, levels_of
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
+from calfsocket.postprocess.quantities import summary_table
+from calfsocket.postprocess.thresholds import Threshold, shares_beyond, tissue_area
+from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import KEY, Key, Results
 
 COLUMNS = (
     *KEY,
@@ -65,18 +69,49 @@ def damage(results: Results, thresholds: DamageThresholds) -> pd.DataFrame:
         level_pct, the magnitude of the maximum, with its region; below_99.9_pct, the magnitude that
         99.9 % of the tissue's area stays below; area_mm2 and area_share_pct, the
         part of the tissue beyond the threshold (`calfsocket.postprocess.thresholds`): for muscle
-        the damage risk volume of a slice.
+        the damage risk volume of a slice. Where cases have a second mesh, each of these numbers has
+        a column with its mesh error behind them.
     """
-    rows = []
-    for key, result in results.items():
-        for threshold in thresholds.all:
-            tissue, quantity = threshold.tissue, threshold.quantity
-            if TISSUES.index(tissue) not in result.fields.tissue:
-                continue
-            level = result.quantities.maximum(tissue, quantity)
-            area = area_beyond(result.quantities, threshold)
-            share = 100 * area / tissue_area(result.fields, tissue)
-            below = statistics_of(result.quantities, tissue, quantity)[NEARLY_ALL]
-            about = tissue, quantity, threshold.value, abs(level.value), level.region, below
-            rows.append((*key, *about, area, share))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    parts = [_of_case(key, result, thresholds) for key, result in results.items()]
+    found = pd.concat([part for part in parts if len(part)] or [pd.DataFrame(columns=[*COLUMNS])])
+    return found.reset_index(drop=True)
+
+
+def _of_case(key: Key, result: Result, thresholds: DamageThresholds) -> pd.DataFrame:
+    """Return the rows of a case."""
+    asked = [each for each in thresholds.all if TISSUES.index(each.tissue) in result.fields.tissue]
+    maxima = result.with_mesh_error(
+        lambda of: summary_table(
+            (each.tissue, each.quantity, each.unit, of.quantities.maximum(*_pair(each)))
+            for each in asked
+        )
+    )
+    below = result.levels_with_error(lambda of: levels_of(of.quantities, map(_pair, asked)))
+    shares = result.with_mesh_error(lambda of: shares_beyond(of.quantities, of.line, asked))
+    areas = np.array([tissue_area(result.fields, each.tissue) / 100 for each in asked])
+    found = pd.DataFrame(
+        {
+            **dict(zip(KEY, key, strict=True)),
+            "tissue": maxima.tissue,
+            "quantity": maxima["quantity"],
+            "threshold_pct": [each.value for each in asked],
+            "level_pct": maxima.value.abs(),
+            "region": maxima.region,
+            "below_99.9_pct": below[NEARLY_ALL],
+            "area_mm2": areas * shares.value,
+            "area_share_pct": shares.value,
+        }
+    )
+    if result.second is None:
+        return found
+    errors = {
+        "level_pct": maxima[MESH_ERROR],
+        "below_99.9_pct": below[error_of(NEARLY_ALL)],
+        "area_mm2": areas * shares[MESH_ERROR],
+        "area_share_pct": shares[MESH_ERROR],
+    }
+    return found.assign(**{error_of(column): error for column, error in errors.items()})
+
+
+def _pair(threshold: Threshold) -> tuple[str, str]:
+    return threshold.tissue, threshold.quantity

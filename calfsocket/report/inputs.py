@@ -24,11 +24,21 @@ def settings(results: Results) -> dict[str, Any]:
     return found
 
 
+def of_cases(results: Results, setting: str, default: Any = None) -> list[Any]:
+    """Return the values of a setting that the cases have, by its last name, each once."""
+    common = settings(results).get(setting, default)
+    known = [f"{table}.{setting}" for table in ("model", "steps", "liner")]
+    found: list[Any] = []
+    for record in results.records.values():
+        value = next((record.changes[name] for name in known if name in record.changes), common)
+        if value is not None and value not in found:
+            found.append(value)
+    return found
+
+
 def friction(results: Results) -> list[float]:
     """Return the coefficients of friction of the cases, each once."""
-    common = settings(results).get("friction")
-    each = [record.changes.get("model.friction", common) for record in results.records.values()]
-    return sorted({float(value) for value in each if value is not None})
+    return sorted({float(value) for value in of_cases(results, "friction")})
 
 
 DONNING = {
@@ -42,9 +52,8 @@ def donning(results: Results) -> list[str]:
     """Return in words how the sockets were put on, each once; empty without a study."""
     if results.run is None:
         return []
-    common = settings(results).get("donning", "gap")  # the only way of earlier versions
-    each = [record.changes.get("model.donning", common) for record in results.records.values()]
-    return [DONNING[value] for value in dict.fromkeys(each) if value in DONNING]
+    # the default is the only way of earlier versions
+    return [DONNING[value] for value in of_cases(results, "donning", "gap") if value in DONNING]
 
 
 def wide(results: Results) -> str:
@@ -65,11 +74,7 @@ CARRIED = {
 
 def carried(results: Results) -> list[str]:
     """Return in words how stages load the sockets, each once; empty where none does."""
-    common = settings(results).get("socket_carried")
-    each = [
-        record.changes.get("model.socket_carried", common) for record in results.records.values()
-    ]
-    return [CARRIED[value] for value in dict.fromkeys(each) if value in CARRIED]
+    return [CARRIED[value] for value in of_cases(results, "socket_carried") if value in CARRIED]
 
 
 def laws(results: Results) -> Laws:

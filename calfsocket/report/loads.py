@@ -1,13 +1,22 @@
 """What a report says of stages of loading."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from calfsocket.postprocess.levels import NEARLY_ALL, statistics_of
-from calfsocket.report.words import number
+import numpy as np
+import pandas as pd
+
+from calfsocket.postprocess.levels import NEARLY_ALL, levels_of
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
+from calfsocket.postprocess.quantities import CONTACT_UNITS, Maximum, summary_table
+from calfsocket.report import names
+from calfsocket.report.words import measured, measured_all
 from calfsocket.simulation.result import Result
 from calfsocket.simulation.results import Results
+
+OF_SKIN = "skin", "effective_stress"
+"""What the worst state is judged by."""
 
 
 @dataclass(frozen=True)
@@ -16,11 +25,13 @@ class Stage:
 
     name: str
     limit: str  #: which force could not be borne; empty where all was
-    pressure: str  #: mean and largest contact pressure at its end, kPa
+    pressure: str  #: mean and largest contact pressure at its end
     slipping: str  #: largest share of the contact that slips on its way, %
     dissipated: str  #: work of friction in it, N mm for each mm of limb
     skin_kPa: float  #: effective stress that 99.9 % of the skin stays below at its end
     largest_kPa: float  #: largest contact pressure at its end
+    skin: str  #: the same with its mesh error
+    largest: str  #: the same with its mesh error
 
 
 @dataclass(frozen=True)
@@ -62,7 +73,11 @@ class Loads:
     def cases(self) -> tuple[Case, ...]:
         """Cases with stages."""
         return tuple(
-            Case(" ".join(key), f"loading_{place}", stages_of(result))
+            Case(
+                " ".join((key[0], names.material_set(key[1]))),
+                f"loading_{place}",
+                stages_of(result),
+            )
             for place, (key, result) in enumerate(self.results.items())
             if result.states
         )
@@ -87,20 +102,49 @@ def stages_of(result: Result) -> tuple[Stage, ...]:
     assert curve is not None
     found = []
     for name, state in states.items():
-        summary = state.summary().set_index(["tissue", "quantity"])["value"]
-        part = curve[curve.stage == name]
-        before = curve.dissipated_N_mm_per_mm.shift(fill_value=0.0)[part.index]
-        work = (part.dissipated_N_mm_per_mm - before).sum()
-        mean, most = (summary["skin", f"contact_pressure_{kind}"] for kind in ("mean", "max"))
+        summary = state.with_mesh_error(lambda of: summary_table(_of_contact(of)))
+        mean, largest = measured_all(summary.value, summary, MESH_ERROR)
+        levels = state.levels_with_error(lambda of: levels_of(of.quantities, [OF_SKIN]))
+        slipping, work = _on_way(result, name)
+        (skin,) = measured_all(levels[NEARLY_ALL], levels, error_of(NEARLY_ALL))
         found.append(
             Stage(
                 name,
                 state.record.state.limit if state.record.state else "",
-                f"{number(mean)} on average, {number(most)} at most",
-                number(float(part.slipping_percent.max())),
-                number(float(work)),
-                statistics_of(state.quantities, "skin", "effective_stress")[NEARLY_ALL],
-                float(most),
+                f"{mean} kPa on average, {largest} kPa at most",
+                slipping,
+                work,
+                float(levels[NEARLY_ALL].iloc[0]),
+                float(summary.value.iloc[1]),
+                skin,
+                largest,
             )
         )
     return tuple(found)
+
+
+def _of_contact(state: Result) -> Iterator[tuple[str, str, str, Maximum]]:
+    """Return mean and largest contact pressure as rows of a summary."""
+    for name in ("contact_pressure_mean", "contact_pressure_max"):
+        yield "skin", name, CONTACT_UNITS[name], state.contact_levels[name]
+
+
+def _on_way(result: Result, stage: str) -> Iterator[str]:
+    """Return the largest slip, %, and the work of friction in a stage, with their mesh errors."""
+    curves = [result.curve, result.second.curve if result.second else None]
+    mine, second = (
+        _slip_and_work(curve[curve.stage == stage], curve)
+        if curve is not None and (curve.stage == stage).any()
+        else (np.nan, np.nan)
+        for curve in curves
+    )
+    return (
+        measured(value, result.times_change * abs(value - other))
+        for value, other in zip(mine, second, strict=True)
+    )
+
+
+def _slip_and_work(part: pd.DataFrame, curve: pd.DataFrame) -> tuple[float, float]:
+    before = curve.dissipated_N_mm_per_mm.shift(fill_value=0.0)[part.index]
+    work = (part.dissipated_N_mm_per_mm - before).sum()
+    return float(part.slipping_percent.max()), float(work)

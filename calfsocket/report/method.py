@@ -10,7 +10,7 @@ from calfsocket.report import inputs, names
 from calfsocket.report.findings import Findings
 from calfsocket.report.table import Table
 from calfsocket.report.variants import changes_of
-from calfsocket.report.words import number
+from calfsocket.report.words import listed, number
 from calfsocket.simulation.record import CaseRecord, StudyRecord
 from calfsocket.simulation.results import KEY, Results
 
@@ -59,7 +59,7 @@ def tables(findings: Findings) -> list[Table]:
     """Return the tables of cases, of settings and of versions."""
     run = findings.study.run
     made = [_cases(findings.results)]
-    return [*made, _settings(settings(findings)), _versions(run)] if run else made
+    return [*made, _settings(findings), _versions(run)] if run else made
 
 
 def settings(findings: Findings) -> dict[str, Any]:
@@ -84,13 +84,9 @@ FIRST = {
 
 
 def in_words(findings: Findings, words: Mapping[str, str]) -> list[str]:
-    """Return some of the settings in words."""
-    found = settings(findings)
-    return [
-        f"{word} {_text(found[key]).replace('-', ' ')}"
-        for key, word in words.items()
-        if key in found
-    ]
+    """Return some of the settings of the cases in words, with every value that these have."""
+    found = {key: text for key, text in _texts(findings).items() if key in words}
+    return [f"{words[key]} {found[key].replace('-', ' ')}" for key in words if key in found]
 
 
 def warnings(results: Results) -> list[str]:
@@ -159,8 +155,18 @@ def _cases(results: Results) -> Table:
     return Table("cases", data, shown)
 
 
-def _settings(found: dict[str, Any]) -> Table:
-    data = pd.DataFrame({"setting": list(found), "value": [_text(found[key]) for key in found]})
+def _texts(findings: Findings) -> dict[str, str]:
+    """Return settings as text, with every value where the cases have several."""
+    values = {
+        key: inputs.of_cases(findings.results, key) or [value]
+        for key, value in settings(findings).items()
+    }
+    return {key: listed(map(_text, each)) for key, each in values.items()}
+
+
+def _settings(findings: Findings) -> Table:
+    found = _texts(findings)
+    data = pd.DataFrame({"setting": list(found), "value": list(found.values())})
     shown = data.set_index(data.setting.map(lambda key: SETTINGS.get(key, key)))[["value"]]
     return Table("settings", data, shown)
 

@@ -1,5 +1,6 @@
 """Names that people read, for what the files call otherwise."""
 
+from calfsocket.postprocess.levels import NEARLY_ALL
 from calfsocket.postprocess.quantities import REPORTED
 
 TISSUES = {name: name for name in REPORTED} | {"vessel": "vessels"}
@@ -16,6 +17,7 @@ QUANTITIES = {
     "contact_pressure": "contact pressure",
     "contact_shear": "shear along the skin",
 }
+QUANTITIES |= {f"{name}_{NEARLY_ALL}": words for name, words in QUANTITIES.items()}
 SITES = {
     "max_separate": "at the Separate maximum",
     "max_combined": "at the Combined maximum",

@@ -15,7 +15,7 @@ import calfsocket
 from calfsocket.io.files import replacing
 from calfsocket.plotting.files import Drawing, PageImage
 from calfsocket.report.table import Table
-from calfsocket.report.templates import read, render, tidy
+from calfsocket.report.templates import read, render, tidy, together
 
 FIGURES, TABLES = "figures", "tables"
 """Folders beside the page."""
@@ -82,13 +82,8 @@ class Page:
 
     def line(self, topic: str, caller: Callable[[], str]) -> Markup:
         """Return a line of the answer, whose numbers and units stay together."""
-        text = tidy(caller())
-        text = text.replace(
-            " \N{PLUS-MINUS SIGN} ", "\N{NO-BREAK SPACE}\N{PLUS-MINUS SIGN}\N{NO-BREAK SPACE}"
-        )
-        for unit in ("%", "kPa"):
-            text = text.replace(f" {unit}", f"\N{NO-BREAK SPACE}{unit}")
-        line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, Markup(text))
+        text = together(tidy(caller()))
+        line = Markup("<li><strong>{}.</strong> {}</li>\n").format(topic, text)
         return line if text else Markup()
 
     def figure(self, name: str, title: str, caller: Callable[[], Markup]) -> Markup:

@@ -5,13 +5,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.postprocess.levels import ALONG_SKIN, NEARLY_ALL
+from calfsocket.postprocess.quantities import CONTACT_UNITS, REPORTED, UNITS
 from calfsocket.report import names
 from calfsocket.report.templates import render
+
+SETTLING = (*CONTACT_UNITS, *(f"{name}_{NEARLY_ALL}" for name in (*UNITS, *ALONG_SKIN)))
+"""Numbers of contact, and of tissues those that settle with the mesh."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,17 @@ def spread(
         frame[name] = pd.Categorical(frame[name], frame[name].unique(), ordered=True)
     wide = frame.pivot(index=rows, columns=columns, values="text")
     return wide.astype(object).fillna("")
+
+
+def settling(numbers: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows that a table of several cases shows, tissue by tissue.
+
+    Contact and levels by area, of `calfsocket.postprocess.mesh_error.with_levels`; those of the
+    paper's rule are in the table's file.
+    """
+    rows = numbers[numbers["quantity"].isin(SETTLING)]
+    place = rows.tissue.map({tissue: place for place, tissue in enumerate(REPORTED)})
+    return rows.iloc[np.argsort(place.to_numpy(), kind="stable")]
 
 
 def in_words(data: pd.DataFrame) -> pd.DataFrame:

@@ -3,19 +3,20 @@
 Their titles and captions are in the template of the page.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from calfsocket.materials.law import Law
 from calfsocket.postprocess.levels import NEARLY_ALL
-from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of, with_levels
 from calfsocket.postprocess.quantities import CONTACT_UNITS, UNITS
 from calfsocket.postprocess.thresholds import SHARE
 from calfsocket.report import along, method, names, variants
 from calfsocket.report.findings import Findings
-from calfsocket.report.table import Table, in_words, spread
+from calfsocket.report.table import Table, in_words, settling, spread
 from calfsocket.report.words import TOGETHER, measured_all, number
 from calfsocket.simulation.result import STATE
 from calfsocket.simulation.results import KEY, Results
@@ -93,12 +94,15 @@ def maxima(results: Results) -> Table:
 
 
 def states(results: Results) -> Table:
-    """Largest values of every case in each state of its stages of loading."""
-    data = results.states
-    if data.empty:
-        return Table("states", data, data)
-    shown = in_words(data[data.quantity.isin((*UNITS, *CONTACT_UNITS))])
-    shown = shown.assign(quantity=shown.quantity + ", " + shown.unit)
+    """Levels by area and contact of every case in each state of its stages of loading.
+
+    Those of the paper's rule are in the file.
+    """
+    if results.states.empty:
+        return Table("states", results.states, results.states)
+    data = with_levels(results.states, results.levels_of_states)
+    shown = in_words(settling(data))
+    shown = shown.assign(quantity=shown["quantity"] + ", " + shown.unit)
     cells = spread(
         shown,
         ["tissue", "quantity"],
@@ -119,11 +123,11 @@ def thresholds(results: Results) -> Table:
 
 def damage(data: pd.DataFrame) -> Table:
     """Strains against damage thresholds (`damage.damage`)."""
+    columns = ("below_99.9_pct", "area_mm2", "area_share_pct")
+    said = [measured_all(data[column], data, error_of(column)) for column in columns]
     text = [
-        f"{number(below)} ({number(area)}{TOGETHER}mm²,{TOGETHER}{number(share)}{TOGETHER}%)"
-        for below, area, share in zip(
-            data["below_99.9_pct"], data.area_mm2, data.area_share_pct, strict=True
-        )
+        f"{below} ({area}{TOGETHER}mm²,{TOGETHER}{share}{TOGETHER}%)"
+        for below, area, share in zip(*said, strict=True)
     ]
     shown = in_words(data).assign(threshold=[f"{limit:g} %" for limit in data.threshold_pct])
     return _by_case("damage", data, shown, ["quantity", "threshold"], text)
@@ -144,9 +148,53 @@ def sweep(results: Results) -> Table:
     data = pd.read_csv(path, dtype=dict.fromkeys(KEY, str))
     solved = [key in results for key in zip(data.socket, data.material_set, strict=True)]
     data = data[solved].dropna(axis="columns", how="all")
-    shown = data.set_index("case").drop(columns=[*KEY, "status"])
-    return Table(
-        "sweep",
-        data,
-        shown.map(lambda value: number(value) if isinstance(value, float) else value),
-    )
+    cases = data.set_index("case")
+    largest = [name.replace(f"_{NEARLY_ALL}", "") for name in data if f"_{NEARLY_ALL}_" in name]
+    errors = [name for name in data if name.endswith(MESH_ERROR)]
+    said = {}
+    for column in cases.columns.drop([*KEY, "status", *errors, *largest], errors="ignore"):
+        form = number if heading(column) != column else "{:g}".format
+        cells = [_cell(cell, form) for cell in cases[column]]
+        if error_of(column) in cases:
+            cells = measured_all(cases[column], cases, error_of(column))
+        said[heading(column)] = cells
+    return Table("sweep", data, pd.DataFrame(said, index=cases.index))
+
+
+def _cell(value: Any, form: Callable[[float], str]) -> Any:
+    """Return a number as `form` writes it, nothing where there is none; else the value."""
+    return ("" if np.isnan(value) else form(value)) if isinstance(value, float) else value
+
+
+def swept_results(data: pd.DataFrame) -> list[str]:
+    """Return the columns of a sweep's table with results that a report shows."""
+    return [name for name in data if heading(name) != name and not name.endswith(MESH_ERROR)]
+
+
+_HEADINGS = {
+    f"{tissue}_{name}_{NEARLY_ALL}_{unit.replace('%', 'percent')}": f"{title}: {words}, {unit}"
+    for tissue, title in names.TISSUES.items()
+    for name, unit in UNITS.items()
+    for words in [names.QUANTITIES[name]]
+} | {
+    f"{name}_{unit.replace('%', 'percent')}": f"{names.QUANTITIES[name]}, {unit}"
+    for name, unit in CONTACT_UNITS.items()
+}
+
+
+def heading(column: str) -> str:
+    """Return the heading of a result of a sweep in words, its state behind; else the column's."""
+    tissue, share, of = column.partition(f"_{SHARE}")
+    if share:
+        threshold, _, state = of.partition("_in_percent")
+        quantity, _, limit = threshold.partition("_above_")
+        limit = limit.replace("_percent", " %").replace("_", " ")
+        title, what = names.TISSUES.get(tissue, tissue), names.QUANTITIES.get(quantity, quantity)
+        words = f"{title}: beyond {limit} {what}, %"
+        return f"{words}, {state.removeprefix('_')}" if state else words
+    for name, words in _HEADINGS.items():
+        if column == name:
+            return words
+        if column.startswith(f"{name}_"):
+            return f"{words}, {column.removeprefix(f'{name}_')}"
+    return column

@@ -5,11 +5,15 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from calfsocket.postprocess.mesh_error import settled
+from calfsocket.postprocess.mesh_error import TOGETHER as TOGETHER
+from calfsocket.postprocess.mesh_error import with_error
 
 TIMES = "\N{MULTIPLICATION SIGN}"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-TOGETHER = "\N{NO-BREAK SPACE}"  # a narrow cell breaks before its bracket, not within it
+SMALLEST, LARGEST = 1e-3, 1e5
+"""Magnitudes between which numbers have no power of ten."""
+WHOLE = 100.0
+"""What a change in percent is a change of."""
 
 
 def number(value: float) -> str:
@@ -18,7 +22,7 @@ def number(value: float) -> str:
         return ""
     if value == 0:
         return "0"
-    if not 1e-3 <= abs(value) < 1e5:
+    if not SMALLEST <= abs(value) < LARGEST:
         mantissa, exponent = f"{value:.1e}".split("e")
         text = f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}"
     else:
@@ -27,23 +31,9 @@ def number(value: float) -> str:
 
 
 def measured(value: float, error: float = np.nan) -> str:
-    """Return a number with its mesh error behind it, and a star where it has not settled.
-
-    The error has the decimals of the number; where that would be zero, it says what it is below.
-    """
-    if not (np.isfinite(error) and np.isfinite(value)):
-        return number(value)
-    star = "" if settled(value, error) else "*"
-    return f"{number(value)}{TOGETHER}\N{PLUS-MINUS SIGN}{TOGETHER}{_error(value, error)}{star}"
-
-
-def _error(value: float, error: float) -> str:
-    """Return an error with the decimals that its number is shown with."""
-    if not 1e-3 <= abs(value) < 1e5:
-        return number(error)
-    decimals = len(number(value).rpartition(".")[2]) if abs(value) < 99.95 else 0
-    half = 0.5 * 10.0**-decimals
-    return f"<{half:.{decimals + 1}f}" if error < half else f"{error:.{decimals}f}"
+    """Return a number with its mesh error behind it, and a star where it has not settled."""
+    powers = value == 0 or not SMALLEST <= abs(value) < LARGEST
+    return with_error(number(value), value, error, number(error) if powers else "")
 
 
 def measured_all(values: "pd.Series[float]", rows: pd.DataFrame, column: str) -> list[str]:
@@ -52,11 +42,20 @@ def measured_all(values: "pd.Series[float]", rows: pd.DataFrame, column: str) ->
     return [measured(*pair) for pair in zip(values, errors, strict=True)]
 
 
-def change(value: float) -> str:
-    """Return a change in percent with its sign, without decimals from 10 on."""
+def change(value: float, error: float = np.nan) -> str:
+    """Return a change in percent with its sign, without decimals from 10 on, and its mesh error.
+
+    It has settled where the error is small beside the larger of the two numbers.
+    """
+    text = _change(value)
+    large = abs(value) >= LARGEST
+    return with_error(text, value, error, number(error) if large else "", WHOLE)
+
+
+def _change(value: float) -> str:
     if not np.isfinite(value):
         return ""
-    if abs(value) >= 1e5:
+    if abs(value) >= LARGEST:
         text = number(value)
     else:
         text = f"{value:.0f}" if abs(value) >= 10 else f"{value:.1f}".replace("-0.0", "0.0")
@@ -64,14 +63,31 @@ def change(value: float) -> str:
     return f"+{text}" if value > 0 else text
 
 
-def span(values: "pd.Series[float]") -> str:
-    """Return the range of changes in words."""
-    return " to ".join(dict.fromkeys((change(values.min()), change(values.max()))))
+def changes_all(values: "pd.Series[float]", rows: pd.DataFrame, column: str) -> list[str]:
+    """Return changes with their mesh errors, which a column of the rows has, if there are any."""
+    return _changes(values, rows[column] if column in rows else None)
 
 
-def changes(values: "pd.Series[float]", most: int = 4) -> str:
-    """Return changes in words: their range where there are many."""
-    return span(values) if len(values) > most else listed(map(change, values))
+def span(values: "pd.Series[float]", errors: "pd.Series[float] | None" = None) -> str:
+    """Return the range of changes in words, with the mesh errors of its ends."""
+    known = values.notna().to_numpy()
+    if not known.any():
+        return ""
+    ends = values[known].to_numpy()
+    said = _changes(values[known], None if errors is None else errors[known])
+    return " to ".join(dict.fromkeys((said[ends.argmin()], said[ends.argmax()])))
+
+
+def changes(
+    values: "pd.Series[float]", errors: "pd.Series[float] | None" = None, most: int = 4
+) -> str:
+    """Return changes in words, with their mesh errors: their range where there are many."""
+    return span(values, errors) if len(values) > most else listed(_changes(values, errors))
+
+
+def _changes(values: "pd.Series[float]", errors: "pd.Series[float] | None") -> list[str]:
+    known = np.full(len(values), np.nan) if errors is None else errors
+    return [change(*pair) for pair in zip(values, known, strict=True)]
 
 
 def listed(words: Iterable[str], comma: bool = False) -> str:

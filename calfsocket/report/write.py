@@ -28,10 +28,13 @@ from calfsocket.report.page import Page
 from calfsocket.report.table import Table
 from calfsocket.report.tables import tables
 from calfsocket.report.templates import PACKAGE
-from calfsocket.report.variants import ROBUST
+from calfsocket.report.variants import MOVES, ROBUST
 from calfsocket.simulation.results import MAPS, Results
 
 Draw = Callable[[], Figure]
+
+PLUS_MINUS = f"±: mesh error; *: not settled within {100 * SETTLED:g}\N{NO-BREAK SPACE}%."
+"""What a table says of its mesh errors."""
 
 
 class Guest:
@@ -142,6 +145,7 @@ def _write(findings: Findings, guest: Guest, drawn: Mapping[str, Drawing]) -> Pa
 def values_of(findings: Findings) -> dict[str, Any]:
     """Return what the sentences of the report are about."""
     study, results, run = findings.study, findings.results, findings.study.run
+    mesh_errors = method.second_meshes(results)
     of_socket = {name: [m for s, m in results if s == name] for name in results.sockets}
     return {
         "findings": findings,
@@ -156,7 +160,8 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "several": _several(findings),
         "plane_strain": PLANE_STRAIN,
         "answer": Answer(findings),
-        "mesh_errors": method.second_meshes(results),
+        "mesh_errors": mesh_errors,
+        "plus_minus": PLUS_MINUS if mesh_errors else "",
         "finer_second": method.finer_second(results),
         "settled_pct": f"{100 * SETTLED:g}",
         "nearly_all": f"{SHARES[-1]:g}",
@@ -178,6 +183,7 @@ def values_of(findings: Findings) -> dict[str, Any]:
         "stress": maps.EFFECTIVE_STRESS,
         "strain": maps.SHEAR_STRAIN,
         "running_mean": f"{RUNNING_MEAN_MM:g}",
+        "moves": MOVES,
         "robust_pct": f"{100 * (ROBUST - 1):.0f}",
         "most_named": MOST_NAMED,
         "most_listed": MOST_LISTED,
@@ -187,9 +193,11 @@ def values_of(findings: Findings) -> dict[str, Any]:
 
 def _several(findings: Findings) -> str:
     """Say what there are several of where a table or a sentence has one for each socket."""
+    records = findings.results.records.values()
     if findings.levels is None:
-        return "sockets"
-    designs = {record.along[0] for record in findings.results.records.values()}
+        swept = any(record.socket != record.of[0] for record in records)
+        return "sockets at their points of the sweep" if swept else "sockets"
+    designs = {record.along[0] for record in records}
     return "levels" if len(designs) == 1 else "sockets at their levels"
 
 

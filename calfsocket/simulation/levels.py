@@ -28,6 +28,7 @@ def map_of(
     limb: LimbLevels,
     cases: Mapping[Place, CaseRecord],
     line_of: Callable[[CaseRecord], ContactLine],
+    error_of: Callable[[CaseRecord], float],
 ) -> PressureMap:
     """Return the contact of a socket and material set over angle and height.
 
@@ -39,6 +40,8 @@ def map_of(
         Of the socket and material set, by their level.
     line_of
         Returns the contact of a solved case.
+    error_of
+        Returns the mesh error of its largest contact pressure; NaN where it has none.
     """
     levels = [MapLevel.of(each, None, None, each.reason) for each in limb.refused]
     for level in limb.levels:
@@ -47,7 +50,9 @@ def map_of(
         if record is None:
             levels.append(MapLevel.of(place, level.limb, None, "not asked for"))
         elif record.solved:
-            levels.append(MapLevel.of(place, level.limb, line_of(record)))
+            levels.append(
+                MapLevel.of(place, level.limb, line_of(record), error_kPa=error_of(record))
+            )
         else:
             levels.append(MapLevel.of(place, level.limb, None, record.message or "not finished"))
     levels.sort(key=lambda level: level.place.height)
@@ -61,7 +66,7 @@ def worst_levels(summary: pd.DataFrame, records: Iterable[CaseRecord]) -> pd.Dat
     Parameters
     ----------
     summary
-        That of all solved cases.
+        That of all solved cases, and their levels by area (`with_levels`).
     records
         Of all cases.
 
@@ -70,7 +75,8 @@ def worst_levels(summary: pd.DataFrame, records: Iterable[CaseRecord]) -> pd.Dat
     DataFrame
         One row a socket, material set, tissue and quantity: value and unit, level and height_mm,
         region, x_mm, y_mm and anatomical angle_deg in the unloaded section, and the number of
-        levels with results and of all. The share of the skin in contact has no worst level.
+        levels with results and of all. Levels by area have no site. The share of the skin in
+        contact has no worst level.
     """
     records = list(records)
     of_all = along(records)

@@ -133,10 +133,7 @@ class Result:
 
     @cached_property
     def _levels(self) -> pd.DataFrame:
-        found = levels(self.quantities, self.line, self.lining)
-        if self.second is None:
-            return found
-        return mesh_error.of_levels(found, self.second.levels(), self._times_change)
+        return self.levels_with_error(lambda of: levels(of.quantities, of.line, of.lining))
 
     def levels(self) -> pd.DataFrame:
         """Return mean, rms and the levels that 50, 95, 99 and 99.9 % of the area stay below.
@@ -177,15 +174,23 @@ class Result:
         return replace(self, second=second, states=states)
 
     @property
-    def _times_change(self) -> float:
-        assert self.second is not None
+    def times_change(self) -> float:
+        """By what the change of a number to the second mesh is multiplied; NaN without one."""
+        if self.second is None:
+            return float("nan")
         return mesh_error.times_change(self.checks.cells, self.second.checks.cells)
 
     def with_mesh_error(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
         """Return a table with rows as of the summary; with mesh_error where a second mesh is."""
         if self.second is None:
             return table(self)
-        return mesh_error.of_maxima(table(self), table(self.second), self._times_change)
+        return mesh_error.of_maxima(table(self), table(self.second), self.times_change)
+
+    def levels_with_error(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
+        """Return a table with rows as of the levels; with their errors where a second mesh is."""
+        if self.second is None:
+            return table(self)
+        return mesh_error.of_levels(table(self), table(self.second), self.times_change)
 
     def of_states(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
         """Return a table of the case; with a column `state` where it has stages of loading."""

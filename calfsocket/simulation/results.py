@@ -15,6 +15,7 @@ from calfsocket.mechanics.loading import DONNED
 from calfsocket.parallel.first_rank import agree
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
 from calfsocket.postprocess.levels import LEVEL_COLUMNS
+from calfsocket.postprocess.mesh_error import MESH_ERROR, with_levels
 from calfsocket.postprocess.pressure_map import PressureMap
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
@@ -116,8 +117,16 @@ class Results(Mapping[Key, Result]):
     @cached_property
     def states(self) -> pd.DataFrame:
         """Rows of summary.csv in every state, with a column `state`; empty without stages."""
+        return self._in_states(Result.summary)
+
+    @cached_property
+    def levels_of_states(self) -> pd.DataFrame:
+        """Rows of levels.csv in every state, with a column `state`; empty without stages."""
+        return self._in_states(Result.levels)
+
+    def _in_states(self, of_result: Callable[[Result], pd.DataFrame]) -> pd.DataFrame:
         parts = [
-            of_case(result.of_states(Result.summary), result.record, key)
+            of_case(result.of_states(of_result), result.record, key)
             for key, result in self.items()
             if result.states
         ]
@@ -135,12 +144,20 @@ class Results(Mapping[Key, Result]):
 
     def value(self, socket: str, material_set: str, tissue: str, quantity: str) -> float:
         """Value of the summary; NaN where there is none."""
-        return self._values.get((socket, material_set, tissue, quantity), float("nan"))
+        return self._numbers("value").get((socket, material_set, tissue, quantity), float("nan"))
+
+    def mesh_error(self, socket: str, material_set: str, tissue: str, quantity: str) -> float:
+        """Mesh error of a value of the summary, in its unit; NaN where there is none."""
+        return self._numbers(MESH_ERROR).get((socket, material_set, tissue, quantity), float("nan"))
 
     @cached_property
-    def _values(self) -> dict[tuple[str, ...], float]:
-        rows = self.summary[[*KEY, "tissue", "quantity", "value"]]
-        return {tuple(row[:4]): float(row[4]) for row in rows.itertuples(index=False, name=None)}
+    def _columns(self) -> dict[str, dict[tuple[str, ...], float]]:
+        key = pd.MultiIndex.from_frame(self.summary[[*KEY, "tissue", "quantity"]])
+        known = [name for name in ("value", MESH_ERROR) if name in self.summary]
+        return {name: dict(zip(key, map(float, self.summary[name]), strict=True)) for name in known}
+
+    def _numbers(self, column: str) -> dict[tuple[str, ...], float]:
+        return self._columns.get(column, {})
 
     # -- along a limb of many levels ------------------------------------------------------------
 
@@ -174,12 +191,17 @@ class Results(Mapping[Key, Result]):
             raise InputError(f"{self.folder}: no cases {name}; {nearest(name, [*known])}")
         if not any(record.solved for record in cases.values()):
             raise InputError(f"{self.folder}: no level of {name} reached its full load")
-        return map_of(limb, cases, lambda record: self._read(record).line)
+        return map_of(
+            limb,
+            cases,
+            lambda record: self._read(record).line,
+            lambda record: self.mesh_error(*record.key, "skin", "contact_pressure_max"),
+        )
 
     @cached_property
     def worst_levels(self) -> pd.DataFrame:
         """The level at which each quantity of each tissue is largest in magnitude, a row each."""
-        return worst_levels(self.summary, self._records.values())
+        return worst_levels(with_levels(self.summary, self.levels), self._records.values())
 
     def write_maps(self, pictures: bool = True) -> list[Path]:
         """Write maps as CSV, VTP and PNG, and the table of the worst levels; return their paths.

@@ -10,10 +10,12 @@ import pandas as pd
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.mechanics.loading import DONNED
+from calfsocket.postprocess.levels import NEARLY_ALL
+from calfsocket.postprocess.mesh_error import MESH_ERROR, error_of, with_levels
 from calfsocket.postprocess.quantities import CONTACT_UNITS, SUMMARY_TISSUES, UNITS
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.simulation.result import STATE
-from calfsocket.simulation.results import KEY
+from calfsocket.simulation.results import KEY, LEVELS_FILE, SUMMARY_FILE
 from calfsocket.study.cases import Plan
 
 SWEEP_FILE = "sweep.csv"
@@ -22,10 +24,14 @@ _QUANTITY = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S+)\s*")
 
 
 def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
-    """Write the table of the cases so far, from summary.csv."""
-    path = folder / "summary.csv"
+    """Write the table of the cases so far, from summary.csv and levels.csv."""
     keys = dict.fromkeys(KEY, str)
-    summary = pd.read_csv(path, dtype=keys) if path.exists() else pd.DataFrame()
+    paths = folder / SUMMARY_FILE, folder / LEVELS_FILE
+    summary, levels = (
+        pd.read_csv(path, dtype=keys) if path.exists() else pd.DataFrame() for path in paths
+    )
+    if len(levels):
+        summary = with_levels(summary, levels)
     with replacing(folder / SWEEP_FILE) as temporary:
         rows = table(plan, records, summary)
         rows.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
@@ -34,8 +40,15 @@ def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
 def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) -> pd.DataFrame:
     """Return one row a case: names, parameters, results (empty until it is solved) and status.
 
-    Results of the donned socket, and of the state after each stage of loading under its name.
-    A parameter that does not reach a case is empty.
+    Results of the donned socket, and of the state after each stage of loading under its name; of
+    tissues what nearly all of the area stays below, and the largest level behind it. Each number
+    has its mesh error behind it where the summary has any. A parameter that does not reach a case
+    is empty.
+
+    Parameters
+    ----------
+    summary
+        As of `calfsocket.postprocess.mesh_error.with_levels`.
     """
     cases = [records[case.name] for case in plan.cases if case.name in records]
     rows: list[dict[str, Any]] = [{"case": case.name, **case.columns} for case in cases]
@@ -46,13 +59,17 @@ def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) 
     key = [*KEY, "tissue", "quantity", STATE]
     if STATE not in summary:
         summary = summary.assign(**{STATE: DONNED})
-    results = {} if summary.empty else summary.set_index(key)["value"].to_dict()
+    columns = ["value", *([MESH_ERROR] if MESH_ERROR in summary else [])]
+    indexed = summary if summary.empty else summary.set_index(key)
+    results = {name: {} if summary.empty else indexed[name].to_dict() for name in columns}
     states = dict.fromkeys([DONNED, *(summary[STATE] if len(summary) else [])])
     for state in states:
         for heading, tissue, quantity in _headings(plan):
             in_state = heading if state == DONNED else f"{heading}_{state}"
             for row, case in zip(rows, cases, strict=True):
-                row[in_state] = results.get((*case.key, tissue, quantity, state))
+                for name, of in results.items():
+                    cell = in_state if name == "value" else error_of(in_state)
+                    row[cell] = of.get((*case.key, tissue, quantity, state))
     for row, case in zip(rows, cases, strict=True):
         row["status"] = case.status
     return pd.DataFrame(rows)
@@ -93,6 +110,7 @@ def _headings(plan: Plan) -> list[tuple[str, str, str]]:
         changed = {name.split(".")[0] for case in plan.cases for name in case.changes}
         lined = ("liner",) if plan.document.liner or "liner" in changed else ()
         tissues = ("vessel",) if quantity == "pressure" else (*SUMMARY_TISSUES, *lined)
-        found += [(f"{tissue}_{quantity}_{unit}", tissue, quantity) for tissue in tissues]
+        for name in (f"{quantity}_{NEARLY_ALL}", quantity):
+            found += [(f"{tissue}_{name}_{unit}", tissue, name) for tissue in tissues]
     found += [(f"{t.tissue}_{t.name}_in_percent", t.tissue, t.name) for t in plan.thresholds]
     return found

@@ -81,7 +81,8 @@ def worded(value: Any, spec: str = "") -> str:
         ends = dict.fromkeys(number(float(end(value))) for end in (np.min, np.max))
         text = " to ".join(ends)
     else:
-        plain = {"n": number, "c": change}.get(kind)
+        known: dict[str, Callable[[float], str]] = {"n": number, "c": change}
+        plain = known.get(kind)
         text = plain(value) if plain else format(value, kind)
     return f"{text}{blank}{unit}"
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from calfsocket.plotting import loading
 from calfsocket.report import along
-from calfsocket.report.figures import geometry, maps, pressure, uncertain
+from calfsocket.report.figures import geometry, maps, pressure, sweep, uncertain
 from calfsocket.report.findings import Findings
 
 
@@ -22,6 +22,7 @@ def figures(findings: Findings) -> dict[str, Callable[[], Figure]]:
         **loads,
         **(uncertain.figures(findings.uncertainty) if findings.uncertainty else {}),
         **along.figures(findings),
+        **sweep.figures(findings),
         "regions": partial(geometry.regions, findings),
         "overlays": partial(geometry.overlays, findings),
         **{name: partial(maps.draw_map, findings, what) for name, what in maps.MAPS.items()},

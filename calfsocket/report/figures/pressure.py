@@ -13,17 +13,36 @@ from matplotlib.ticker import MaxNLocator
 from calfsocket.plotting import pressure_band
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.pressure_band import PressureBand, outward_normals
-from calfsocket.plotting.style import legend_at, window_around
+from calfsocket.plotting.style import (
+    INCH_MM,
+    POINTS,
+    fitting,
+    legend_at,
+    width_mm,
+    window_around,
+)
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM
+from calfsocket.postprocess.mesh_error import with_error
 from calfsocket.report.figures.cases import case_panels
 from calfsocket.report.figures.geometry import BONE_DARK, LIMB
 from calfsocket.report.findings import Findings
 from calfsocket.simulation.result import Result
+from calfsocket.simulation.results import Results
 
 HIGHEST_BAND = 0.25
 """Height of the band at the largest pressure, as a share of the limb's size."""
 
+LARGEST_TYPE, ROOM = 6.5, 0.75
+"""Of what is written into a limb: points, and share of the limb's width."""
+
 PEAK: dict[str, Any] = {"marker": "o", "linestyle": "", "color": drawing.ABOVE, "markersize": 3.4}
+
+WRITTEN = (
+    ("contact_pressure_max", ".1f"),
+    ("contact_pressure_mean", ".1f"),
+    ("contact_share", ".3g"),
+)
+"""Numbers that are written into a limb, and how."""
 
 
 def contact_pressure(findings: Findings) -> Figure:
@@ -47,20 +66,21 @@ def contact_pressure(findings: Findings) -> Figure:
         section, band = findings.section(result), bands[result.record.key]
         drawing.draw_path(axes, section.limb, facecolor=LIMB, linewidth=0, zorder=3)
         drawing.draw_path(axes, section.bone, facecolor=BONE_DARK, linewidth=0, zorder=4)
-        band.draw(axes, levels, fontsize=6)
+        apart = mm_per_kPa * levels[0] / (window[1] - window[0]) * width_mm(axes) if levels else 0.0
+        band.draw(axes, levels, fontsize=min(6.0, apart / INCH_MM * POINTS))
         smooth = result.line.running_mean_kPa
         peak = int(np.argmax(smooth))
         if smooth[peak]:
             axes.plot(*band.at(band.pressure_kPa)[peak], **PEAK, zorder=6)
-        mean = result.contact_levels["contact_pressure_mean"].value
-        share = result.contact_levels["contact_share"].value
+        largest, mean, share = (_said(results, result, *each) for each in WRITTEN)
         outline = np.asarray(section.limb.vertices)
         low, high = outline.min(axis=0), outline.max(axis=0)
         x, y = 0.5 * (low + high)
+        text = f"largest {largest} kPa\nmean {mean} kPa\n{share} % in contact"
+        room = (high - low)[0] / (window[1] - window[0]) * width_mm(axes)
         axes.text(
-            x, y - 0.3 * (high - low)[1],
-            f"largest {smooth[peak]:.1f} kPa\nmean {mean:.1f} kPa\n{share:.3g} % in contact",
-            ha="center", va="center", fontsize=6.5, zorder=5, linespacing=1.4,
+            x, y - 0.3 * (high - low)[1], text, ha="center", va="center", zorder=5,
+            fontsize=fitting(text, ROOM * room, LARGEST_TYPE), linespacing=1.4,
         )  # fmt: skip
 
     figure = case_panels(findings, window, draw)
@@ -76,3 +96,10 @@ def contact_pressure(findings: Findings) -> Figure:
         legend_at(figure, 2.0, 11.0, pressure)
     legend_at(figure, 2.0, 5.0, rest)
     return figure
+
+
+def _said(results: Results, result: Result, quantity: str, form: str) -> str:
+    """Return a number of the contact with its mesh error."""
+    value = result.contact_levels[quantity].value
+    error = results.mesh_error(*result.record.key, "skin", quantity)
+    return with_error(format(value, form), value, error)

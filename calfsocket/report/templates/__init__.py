@@ -9,9 +9,12 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from calfsocket.report import names
-from calfsocket.report.words import change, changes, listed, number
+from calfsocket.report.words import TOGETHER, change, changes, listed, number
 
 PACKAGE = "calfsocket.report.templates"
+
+WITHIN_LINES = (" \N{PLUS-MINUS SIGN} ", " %", " kPa")
+"""What begins no line."""
 
 
 def render(template: str, package: str = PACKAGE, **values: Any) -> Markup:
@@ -30,9 +33,17 @@ def tidy(text: str) -> str:
     return re.sub(r"\s+(?=[,.;:)])", "", " ".join(text.split()))
 
 
+def together(text: str) -> Markup:
+    """Return an escaped text whose numbers, mesh errors and units do not part at a line's end."""
+    for words in WITHIN_LINES:
+        text = text.replace(words, words.replace(" ", TOGETHER))
+    return Markup(text)
+
+
 def commands(text: str) -> Markup:
-    """Return a text in which what stands in backticks is set as code."""
-    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
+    """Return a text in which what stands in backticks is set as code, options unbroken."""
+    code = re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
+    return Markup(re.sub(r"(?<![a-z-])(--[a-z-]+)", r'<span class="option">\1</span>', code))
 
 
 def read(name: str, package: str = PACKAGE) -> str | None:
@@ -59,6 +70,7 @@ def environment(package: str) -> Environment:
         "tissue": names.TISSUES.get,
         "quantity": names.QUANTITIES.get,
         "commands": commands,
+        "together": together,
         "upper_first": lambda text: text[:1].upper() + text[1:],
     }
     return made
