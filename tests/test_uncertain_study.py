@@ -187,10 +187,10 @@ steps = 2
 cases = 12
 check = 10
 [uncertainty.inputs]
-laws.skin.mu.0 = { distribution = "uniform", low = "150 kPa", high = "300 kPa" }
+layers.skin_thickness = { distribution = "uniform", low = "1.2 mm", high = "1.8 mm" }
 laws.combined.mu.0 = { distribution = "choice", values = ["12 kPa", "7 kPa"], weights = [3, 1] }
 """
-"""Stages of loading, a value or another one, and cases that check what is fitted to the others."""
+"""Stages of loading, a layer's thickness, a value or another one, and cases that check the fit."""
 
 
 @pytest.fixture(scope="module")
@@ -242,6 +242,22 @@ def test_a_value_or_another_one_is_drawn_by_its_weight_and_explains_what_it_does
     row = row_of(results.uncertainty.table, *PRESSURE)
     means = np.array([values[~soft].mean(), values[soft].mean()])
     assert row["mean"] == pytest.approx(means @ [0.75, 0.25], rel=0.02)
+
+
+def test_each_case_has_the_skin_that_was_drawn(loaded):
+    design = pd.read_csv(loaded / "design.csv", index_col="case")
+    shares = load_results(loaded).uncertainty.shares
+    assert design["layers.skin_thickness [mm]"].nunique() == 22
+    mine = shares[(shares.tissue == "skin") & (shares.quantity == "effective_stress_below_99.9")]
+    assert (mine.set_index("input").total["layers.skin_thickness"] > 0.02).all()
+    for name in ("A@u001_combined", "A@c001_combined"):
+        cells = load_results(loaded)[tuple(name.split("_"))].fields
+        area = cells.gauss_area[cells.cells_of("skin")].sum()
+        thickness = design["layers.skin_thickness [mm]"][name]
+        # between ellipses whose semi-axes differ by the thickness
+        a, b = 12.5, 12.0
+        ring = np.pi * (a * b - (a - thickness) * (b - thickness))
+        assert area == pytest.approx(ring, rel=0.01), name
 
 
 def test_a_case_that_cannot_bear_a_load_is_in_no_number_of_its_end(loaded, tmp_path):

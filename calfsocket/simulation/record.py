@@ -293,7 +293,8 @@ class StudyRecord(Strict):
     study : StudySource
         The file that repeats it.
     settings : mapping
-        Tables `model` and `steps` of the study file, defaults filled in.
+        Tables `model`, `steps` and, if there are any, `layers` and `liner` of the study file,
+        defaults filled in.
     limb : Limb, optional
         The section.
     levels : LimbLevels, optional
