@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import shapely
@@ -195,7 +195,8 @@ class _Under:
         from calfsocket.imaging.atlas import MUSCLE  # takes a while, which most studies do without
 
         rings = [shapely.LinearRing(self._sampled(name, SAMPLE_STEP)) for name in self.hard]
-        room = shapely.distance(shapely.points(x)[:, None], np.array(rings)).min(axis=1)
+        points: Any = shapely.points(x)
+        room = shapely.distance(points[:, None], np.array(rings)).min(axis=1)
         free = np.clip((room - MUSCLE[0]) / (MUSCLE[1] - MUSCLE[0]), 0.0, 1.0)
         return np.asarray(free**2 * (3 - 2 * free))
 

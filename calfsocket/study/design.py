@@ -15,10 +15,10 @@ def points(uncertain: Uncertainty, content: Mapping[str, Any]) -> list[Point]:
     found = [Point({}, "")]
     labels = [f"u{number + 1:03d}" for number in range(uncertain.cases)]
     labels += [f"c{number + 1:03d}" for number in range(uncertain.check)]
-    for row, (label, values) in enumerate(zip(labels, uncertain.rows, strict=True)):
+    for row, label in enumerate(labels):
         changed: dict[str, Any] = {}
         for i, (name, of) in enumerate(uncertain.inputs.items()):
-            changed |= changes(content, of, name, of.text(values[i]))
+            changed |= changes(content, of, name, of.text(uncertain.rows[row, i]))
         found.append(Point(changed, label, row))
     return found
 

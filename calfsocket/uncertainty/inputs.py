@@ -194,8 +194,8 @@ class Uncertainty(Strict):
         values = self.joint.at(cube)
         return np.column_stack(
             [
-                [of.value(of.text(x)) for x in column]
-                for of, column in zip(self.inputs.values(), values.T, strict=True)
+                [of.value(of.text(x)) for x in values[:, i]]
+                for i, of in enumerate(self.inputs.values())
             ]
         )
 
