@@ -194,6 +194,11 @@ class Uncertainty:
         return bool(len(self.found.shares))
 
     @property
+    def sure(self) -> pd.DataFrame:
+        """Headlines of the first state that may be trusted."""
+        return self.headlines[self.headlines.trusted & ~self.headlines.late]
+
+    @property
     def doubtful(self) -> list[str]:
         """Headlines whose chaos must not be trusted."""
         return [self.label(row) for row in self.headlines.itertuples() if not row.trusted]
@@ -209,10 +214,10 @@ class Uncertainty:
         best = best[best[["first", "total"]].max(axis=1) > NO_SHARE]
         return [f"{self.titles[each.input]} {_share(each)}" for each in best.itertuples()]
 
-    def label(self, row: Any) -> str:
+    def label(self, row: Any, with_state: bool = True) -> str:
         """Return a number in words."""
         places = [_case(key_of(row))] if len(self.design.groups) > 1 else []
-        places += [row.state] if len(self.states) > 1 else []
+        places += [row.state] if with_state and len(self.states) > 1 else []
         of_case = f"{', '.join(places)}: " if places else ""
         tissue = "" if row.quantity in OF_CONTACT else f"{names.TISSUES[row.tissue]}, "
         return f"{of_case}{tissue}{names.QUANTITIES[row.quantity.removesuffix(SETTLES)]}"
@@ -273,12 +278,16 @@ class Uncertainty:
         )
         rows = table.drop_duplicates([*KEY, STATE])
         most = shares[(shares.quantity == AROUND) & (shares["rank"] == 1)]
+        several = len(self.states) > 1
         return {
             "q2": number(rows.q2.min()),
             "check": number(rows.check_q2.min()) if rows.check_q2.notna().all() else "",
             "inside": number(rows.check_inside_pct.min()),
             "trusted": bool(rows.trusted.all()),
-            "most": [f"{self.titles[each.input]} {_share(each)}" for each in most.itertuples()],
+            "most": [
+                f"{self.titles[each.input]} {_share(each)}" + f" ({each.state})" * several
+                for each in most.itertuples()
+            ],
         }
 
     trusted = f"{TRUSTED:g}"
