@@ -49,9 +49,10 @@ def test_a_limb_without_a_table_of_layers_can_be_changed_and_changed_back(fatter
         assert loops[name].area == pytest.approx(own[name].area, rel=0.01), name
 
 
-def test_skin_has_the_thickness_in_mm():
-    found = thickness(LayerThickness(skin_thickness="2 mm").of(Limb.reference()))["skin"]
-    assert (found.smallest, found.median) == pytest.approx((2, 2), abs=2e-3)
+@pytest.mark.parametrize("mm", [2.0, 0.8])  # of 1.6: 0.8 is the least
+def test_skin_has_the_thickness_in_mm(mm):
+    found = thickness(LayerThickness(skin_thickness=f"{mm} mm").of(Limb.reference()))["skin"]
+    assert (found.smallest, found.median) == pytest.approx((mm, mm), abs=2e-3)
 
 
 def test_an_oval_limb_has_a_thicker_skin_and_no_fat():

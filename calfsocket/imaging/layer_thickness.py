@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import shapely
 from pydantic import AfterValidator, Field, ValidationError, WithJsonSchema
+from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict, first_problem
@@ -17,7 +18,7 @@ from calfsocket.meshes.limb import SAMPLE_STEP, Limb, limb_curves
 
 #: Least and largest thickness, as shares of the limb's own: what lies deeper has to make room.
 RANGE = 0.5, 2.0
-#: Largest distance of the points of a curve that is moved, mm, and digits of these.
+#: Largest distance of the points of a curve that is moved, mm, and digits of these and of factors.
 STEP, DIGITS = 2.0, 4
 #: Distance of the points that the map of what lies deeper goes through, mm.
 CONTROL_STEP = 3.0
@@ -136,7 +137,7 @@ class _Under:
         points = self._sampled(below, STEP)
         own = float(np.linalg.norm(points - _nearest(self.loops[above], points), axis=1).mean())
         value, is_share = _parsed(text)
-        factor = value if is_share else value / own
+        factor = value if is_share else round(value / own, DIGITS)
         least, most = RANGE
         if not least <= factor <= most:
             raise InputError(
@@ -237,7 +238,10 @@ class _Under:
 
 
 def _nearest(curve: ClosedCurve, points: Array) -> Array:
-    """Return the points of a curve nearest to others, (n, 2)."""
-    ring = shapely.LinearRing(curve.evaluate(curve.sample(SAMPLE_STEP)))
-    along = shapely.line_locate_point(ring, shapely.points(points))
-    return np.asarray(shapely.get_coordinates(shapely.line_interpolate_point(ring, along)))
+    """Return the points of a curve nearest to others, (n, 2): by close samples and tangents."""
+    t = curve.sample(SAMPLE_STEP)
+    t = t[cKDTree(curve.evaluate(t)).query(points)[1]]
+    place, tangent = curve.evaluate(t), curve.evaluate(t, 1)
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    along = np.sum((points - place) * tangent, axis=1)
+    return place + np.clip(along, -SAMPLE_STEP / 2, SAMPLE_STEP / 2)[:, None] * tangent
