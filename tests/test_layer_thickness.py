@@ -1,5 +1,7 @@
 """Limbs whose skin or fat is thicker or thinner than in their file."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,9 @@ from calfsocket.imaging.layer_thickness import LayerThickness
 from calfsocket.imaging.thickness import thickness
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.paper.guest import papers_cases
+from calfsocket.study.record import laws_of_sets
+from calfsocket.study.study import Study
 from tiny_study import OVALS, tiny_limb
 
 STAYS = ("skin_outline", "tibia", "tibia_medullary", "fibula")
@@ -68,3 +73,27 @@ def test_an_oval_limb_has_a_thicker_skin_and_no_fat():
 def test_layers_as_they_are_leave_the_limb_as_it_is(said):
     limb = Limb.reference()
     assert LayerThickness(**said).of(limb) is limb
+
+
+def test_a_study_has_its_limbs_with_these_layers_and_they_are_none_of_the_papers():
+    paper = Study.paper()
+    plan = paper.changed({"layers": {"fat_thickness": "110 %"}}).plan
+    assert plan.settings["layers"] == {"fat_thickness": "110 %"}
+    assert "layers" not in paper.plan.settings
+    fat = [of_tissue(each.cases[0].limb, "fat") for each in (paper.plan, plan)]
+    assert fat[1] == pytest.approx(1.09 * fat[0], rel=0.01)
+    assert len({id(case.limb) for case in plan.cases}) == 1  # made once
+    assert set(plan.fingerprints.values()).isdisjoint(paper.plan.fingerprints.values())
+    for each, known in ((paper.plan, 6), (plan, 0)):
+        results = Keys.fromkeys(case.key for case in each.cases)
+        results.run = SimpleNamespace(
+            limb=each.limb,
+            settings=each.settings,
+            sockets={case.socket.name: case.socket for case in each.cases},
+            laws=laws_of_sets(each),
+        )
+        assert len(papers_cases(results)) == known
+
+
+class Keys(dict):
+    """Results of which nothing but their names and their study is asked for."""
