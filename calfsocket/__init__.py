@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from calfsocket.contact.parameters import Contact as Contact
+    from calfsocket.imaging.layer_thickness import LayerThickness as LayerThickness
     from calfsocket.imaging.levels import LimbLevels as LimbLevels
     from calfsocket.imaging.limb import Limb as Limb
     from calfsocket.imaging.socket_scan import Socket as Socket
@@ -76,6 +77,7 @@ _MODULES = {
     "Loading": "mechanics.loading",
     "Stage": "mechanics.loading",
     "LoadSteps": "mechanics.stepping",
+    "LayerThickness": "imaging.layer_thickness",
     "Limb": "imaging.limb",
     "LimbLevels": "imaging.levels",
     "CircleBlend": "meshes.socket",

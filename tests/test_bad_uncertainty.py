@@ -110,6 +110,8 @@ TRIALS = (
     Trial("too few cases", study(TWO, "cases = 5"),
           ("uncertainty: cases: is 5; a linear chaos in these inputs has 3 terms, which need 6",)),
     Trial("too many cases", study(TWO, "cases = 5000"), ("uncertainty.cases: is 5000", "900")),
+    Trial("too few cases to check with", study(TWO, "cases = 20\ncheck = 5"),
+          ("check: is 5; give 10 cases or more, or 0 for none",)),
     Trial("an unknown design", study(TWO, 'design = "grid"'),
           ("uncertainty.design: is 'grid'", "'sobol'")),
     Trial("a sweep and uncertain inputs", study(TWO) + "[sweep.grid]\nmodel.gamma = [1.0]\n",

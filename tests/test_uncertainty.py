@@ -155,6 +155,7 @@ def test_a_field_has_the_band_of_its_points():
     middle, sd = 2 * np.sin(t) + np.cos(t), np.hypot(0.5 * np.sin(t), 0.25 * np.cos(t))
     for end, share in zip(field.band, (0.025, 0.5, 0.975), strict=True):
         assert end == pytest.approx(middle + norm.ppf(share) * sd, abs=0.02)
+    assert field(table.drawn) == pytest.approx(fields, abs=1e-6)
     shares = Explained(basis).of(field.chaos)
     assert shares.first == pytest.approx([0.8, 0.2], abs=0.01)  # 0.5^2 and 0.25^2 around
 
@@ -173,6 +174,20 @@ def test_a_design_is_the_same_again_and_another_with_another_seed(design):
 def test_more_cases_of_a_low_discrepancy_sequence_keep_the_first():
     few, many = (Uncertainty(cases=n, inputs=LINEAR).drawn for n in (20, 30))
     assert (many[:20] == few).all()
+
+
+@pytest.mark.parametrize("design", ["sobol", "random"])
+def test_cases_that_check_are_none_of_the_design_and_more_of_them_keep_the_first(design):
+    few, many = (
+        Uncertainty(cases=20, design=design, check=n, inputs=LINEAR).drawn_to_check
+        for n in (20, 300)
+    )
+    assert (many[:20] == few).all()
+    table = Uncertainty(cases=20, design=design, check=20, inputs=LINEAR)
+    assert not np.isin(table.drawn[:, 0], few[:, 0]).any()
+    assert (table.rows == np.vstack([table.drawn, few])).all()
+    assert many.mean(axis=0) == pytest.approx([1, 2, 0], abs=0.12)
+    assert many.std(axis=0) == pytest.approx([0.5, 0.25, 1], rel=0.1)
 
 
 def test_a_design_has_the_distributions_and_the_correlation_asked_for():

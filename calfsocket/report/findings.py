@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from shapely import Polygon, area, difference
 
+from calfsocket.imaging.layer_thickness import LayerThickness
 from calfsocket.materials.law import Law
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.tissues import TISSUES
@@ -106,13 +107,19 @@ class Findings:
         """The limb, where it has many levels."""
         return self.study.run.levels if self.study.run else None
 
-    @property
+    @cached_property
     def limb(self) -> Limb | None:
         """The section of the first case; None where single results were saved without a study."""
-        if self.levels is None:
-            return self.study.run.limb if self.study.run else None
+        run = self.study.run
+        if run is None:
+            return None
+        found = inputs.settings(self.results)
+        thickness = LayerThickness(**{key: found.get(key) for key in LayerThickness.model_fields})
+        if run.limb is not None:
+            return thickness.of(run.limb)
         place = next(iter(self.results.records.values())).level
-        return next(each.limb for each in self.levels.levels if place and each.name == place.name)
+        levels = self.levels.levels if self.levels else ()
+        return thickness.of(next(each.limb for each in levels if place and each.name == place.name))
 
     @property
     def frame(self) -> Frame:

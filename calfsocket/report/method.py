@@ -32,6 +32,8 @@ SETTINGS = {
     "few_iterations": "iterations up to which steps grow",
     "cutback": "cutback after a failure",
     "extrapolate": "extrapolation from the last two steps",
+    "skin_thickness": "skin's thickness, the mean or a share of the limb's own",
+    "fat_thickness": "fat's thickness, the mean or a share of the limb's own",
     "thickness": "liner's thickness, mm",
     "bonded": "liner bonded to the",
     "undersize": "liner's undersize, share of its circumference",

@@ -96,7 +96,7 @@ def write_report(
         raise InputError(
             f"{results.folder}: no case reached its full load ({why}); solve the study first"
         )
-    on_first_rank(comm, results.write_uncertainty)  # where an interrupted run has not
+    results.write_uncertainty(comm)  # where an interrupted run has not
     findings = Findings(results, thresholds or DamageThresholds())
     guest = invite(findings) or Guest()
     gc.freeze()  # what is there is no garbage: to look at it again and again takes a sixth longer

@@ -156,6 +156,8 @@ class CaseRecord(Strict):
         The stage of loading that it is the end of; None for the donned socket.
     states : tuple of str
         Names of the stages that have come to their end.
+    limited : tuple of str
+        Those at whose end the limb in its socket does not bear what the stage asks for.
     second_mesh : SecondMesh, optional
         That of the mesh error, where one was asked for.
     """
@@ -177,13 +179,14 @@ class CaseRecord(Strict):
     traceback: tuple[str, ...] = ()
     state: StateRecord | None = None
     states: tuple[str, ...] = ()
+    limited: tuple[str, ...] = ()
     second_mesh: SecondMesh | None = None
 
     @model_serializer(mode="wrap")
     def _without_stages(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave stages and a second mesh out where there are none."""
         found: dict[str, Any] = write(self)
-        if_any = ("state", "states", "second_mesh")
+        if_any = ("state", "states", "limited", "second_mesh")
         return {key: value for key, value in found.items() if value or key not in if_any}
 
     @property
@@ -290,7 +293,8 @@ class StudyRecord(Strict):
     study : StudySource
         The file that repeats it.
     settings : mapping
-        Tables `model` and `steps` of the study file, defaults filled in.
+        Tables `model`, `steps` and, if there are any, `layers` and `liner` of the study file,
+        defaults filled in.
     limb : Limb, optional
         The section.
     levels : LimbLevels, optional

@@ -12,16 +12,17 @@ from calfsocket.io.files import replacing
 from calfsocket.io.schema import nearest, read_json
 from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.mechanics.loading import DONNED
-from calfsocket.parallel.first_rank import agree
+from calfsocket.parallel.first_rank import agree, on_first_rank
 from calfsocket.postprocess.contact_line import COLUMNS as CONTACT_COLUMNS
 from calfsocket.postprocess.levels import LEVEL_COLUMNS
 from calfsocket.postprocess.mesh_error import MESH_ERROR, with_levels
 from calfsocket.postprocess.pressure_map import PressureMap
 from calfsocket.postprocess.quantities import SUMMARY_COLUMNS
+from calfsocket.simulation.design import Design, read_design
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
-from calfsocket.simulation.uncertain import Design, Uncertain, evaluate, numbers, read_design
+from calfsocket.simulation.uncertain import Evaluation, Uncertain, evaluate, evaluations, numbers
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -233,8 +234,9 @@ class Results(Mapping[Key, Result]):
         """What the study's uncertain inputs do to its results; None where it has none."""
         if self.run is None or "uncertainty" not in self.run.study.content:
             return None
-        found = Uncertain.read(self.folder)
-        return found or evaluate(self.design, numbers(self.summary, self.levels), self.contact)
+        from mpi4py import MPI
+
+        return Uncertain.read(self.folder) or evaluate(self._evaluations, MPI.COMM_SELF)
 
     @property
     def design(self) -> Design:
@@ -243,9 +245,21 @@ class Results(Mapping[Key, Result]):
         content = self.run.study.content["uncertainty"]
         return read_design(self.folder, content, self._records.values())
 
-    def write_uncertainty(self) -> list[Path]:
-        """Write the tables of `uncertainty`, if there is any; return their paths."""
-        return self.uncertainty.write(self.folder) if self.uncertainty else []
+    def write_uncertainty(self, comm: "MPI.Intracomm") -> None:
+        """Write the tables of `uncertainty`, if there is any (collective)."""
+        if self.run is None or "uncertainty" not in self.run.study.content:
+            return
+        found = on_first_rank(comm, lambda: Uncertain.read(self.folder))
+        if found is None:
+            found = evaluate(self._evaluations, comm)
+            on_first_rank(comm, lambda: found.write(self.folder))
+
+    def _evaluations(self) -> list[Evaluation]:
+        """Collect what is computed of the uncertain inputs."""
+        summary = self._rows(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
+        levels = self._rows(LEVELS_FILE, Result.levels, LEVEL_COLUMNS).fillna({"region": ""})
+        contact = self._rows(CONTACT_FILE, lambda result: result.contact, CONTACT_COLUMNS)
+        return evaluations(self.design, numbers(summary, levels), contact)
 
     def shared(self, comm: "MPI.Intracomm") -> "Results":
         """Return these results, each read by one rank for all (collective).
@@ -309,25 +323,36 @@ class Results(Mapping[Key, Result]):
     def _table(
         self, name: str, of_result: Callable[[Result], pd.DataFrame], columns: Sequence[str] = ()
     ) -> pd.DataFrame:
+        """Return the rows of a table of all donned sockets; computed where there is none."""
+        rows = self._rows(name, of_result, columns)
+        return rows[rows[STATE] == DONNED].drop(columns=STATE).reset_index(drop=True)
+
+    def _rows(
+        self, name: str, of_result: Callable[[Result], pd.DataFrame], columns: Sequence[str] = ()
+    ) -> pd.DataFrame:
+        """Return the rows of all states, whose names are in a column `state`."""
         if not self.records:
-            return pd.DataFrame(columns=[*KEY, *columns])
+            return pd.DataFrame(columns=[*KEY, STATE, *columns])
         path = self.folder / name
-        whole = _read_table(path) if path.is_file() else None
+        of_cases = None
+        if path.is_file():
+            of_cases = dict(list(_read_table(path).groupby([*KEY], sort=False)))
         parts = []
         for key, record in self.records.items():
-            if whole is None:
-                rows = of_result(self[key])
+            if of_cases is None:
+                rows = self[key].of_states(of_result)
             else:
-                mine = (whole.socket == record.socket) & (whole.material_set == record.material_set)
-                rows = whole[mine].drop(columns=list(record.columns), errors="ignore")
-                if STATE in rows:
-                    rows = rows[rows[STATE].isin([DONNED]) | rows[STATE].isna()]
-                    rows = rows.drop(columns=STATE)
+                rows = of_cases.get(record.key, pd.DataFrame())
+                rows = rows.drop(columns=list(record.columns), errors="ignore")
                 if rows.empty:
                     raise InputError(
                         f"{path}: has no rows of {record.name}, which is solved according to "
                         f"{RUN_FILE}"
                     )
+            if STATE in rows:
+                rows = rows.fillna({STATE: DONNED})
+            else:
+                rows = rows.assign(**{STATE: DONNED})
             parts.append(of_case(rows, record, key))
         return pd.concat(parts, ignore_index=True)
 

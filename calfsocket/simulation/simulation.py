@@ -538,7 +538,12 @@ class Simulation:
                 monitor.message(f"stage {name}: {reached.limit}", 1.0, True)
             record = state.record.model_copy(update={"state": reached})
             states[name] = replace(state, record=record)
-        record = result.record.model_copy(update={"states": tuple(states), "message": failure})
+        limited = tuple(
+            name for name, each in states.items() if each.record.state and each.record.state.limit
+        )
+        record = result.record.model_copy(
+            update={"states": tuple(states), "limited": limited, "message": failure}
+        )
         if failure:
             record = record.model_copy(update={"status": "failed"})
         return replace(

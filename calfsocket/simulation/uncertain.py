@@ -1,31 +1,34 @@
 """What uncertain inputs do to the results of a study: bands, and what each input explains."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.levels import NEARLY_ALL
-from calfsocket.simulation.record import KEY, CaseRecord
+from calfsocket.simulation.design import Design, Group, Key
+from calfsocket.simulation.record import KEY
+from calfsocket.simulation.result import STATE
 from calfsocket.uncertainty.chaos import BAND, TRUSTED, Basis, fit
-from calfsocket.uncertainty.failures import pattern
 from calfsocket.uncertainty.field import fit_field
-from calfsocket.uncertainty.inputs import CASES_PER_TERM, Array, Joint, Uncertainty
+from calfsocket.uncertainty.inputs import CASES_PER_TERM, Array
 from calfsocket.uncertainty.shares import Explained, Shares
 
-DESIGN_FILE = "design.csv"
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 UNCERTAINTY_FILE = "uncertainty.csv"
 SHARES_FILE = "sobol.csv"
 PRESSURE_FILE = "contact_pressure_band.csv"
 EVALUATED = (UNCERTAINTY_FILE, SHARES_FILE, PRESSURE_FILE)
-FILES = (DESIGN_FILE, *EVALUATED)
 
 AROUND = "contact_pressure_around"
 """Quantity of the skin: contact pressure at all angles together."""
@@ -36,7 +39,10 @@ ANGLES_DEG = np.arange(0.0, 360.0, 2.0)
 SHARED = "share"
 """Word in the names of shares of a tissue or of the skin, in %."""
 
-NUMBER = (*KEY, "tissue", "quantity")
+NUMBER = (*KEY, STATE, "tissue", "quantity")
+CHECKED = ("check_inside_pct", "check_q2")
+"""What cases that nothing is fitted to say of a chaos: how many % of them lie in the band, and
+which share of their variance the chaos predicts."""
 TABLE_COLUMNS = (
     *NUMBER,
     "unit",
@@ -53,10 +59,16 @@ TABLE_COLUMNS = (
     "failed",
     "unfinished",
     "failures",
+    "check_cases",
+    "check_failed",
+    "check_mean",
+    "check_sd",
+    *CHECKED,
 )
 SHARES_COLUMNS = (*NUMBER, "input", "first", "total", "rank", "correlated")
 PRESSURE_COLUMNS = (
     *KEY,
+    STATE,
     "angle_deg",
     "nominal_kPa",
     "mean_kPa",
@@ -65,105 +77,9 @@ PRESSURE_COLUMNS = (
     "high_kPa",
     "q2",
     "trusted",
+    *CHECKED,
 )
 COLUMNS = (TABLE_COLUMNS, SHARES_COLUMNS, PRESSURE_COLUMNS)
-
-Key = tuple[str, str]
-
-
-def heading(name: str, unit: str) -> str:
-    """Return the heading of an input's column."""
-    return f"{name} [{unit}]" if unit else name
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Cases of a design that share socket and material set.
-
-    Attributes
-    ----------
-    base : tuple of str
-        These two, and the key of the case with the file's own values.
-    joint : Joint
-        Of the inputs that reach them.
-    values : array
-        Of these inputs, a row a case.
-    records : tuple of CaseRecord
-        Of the cases.
-    """
-
-    base: Key
-    joint: Joint
-    values: Array
-    records: tuple[CaseRecord, ...]
-
-    @property
-    def solved(self) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-        """Whether each case reached its full load."""
-        return np.array([record.solved for record in self.records])
-
-    @property
-    def failed(self) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-        """Whether each case failed; one that was not begun, or not ended, did not."""
-        return np.array([record.status == "failed" for record in self.records])
-
-    @property
-    def failures(self) -> str:
-        """Whether cases failed by chance, in words; empty where none failed."""
-        ended = self.solved | self.failed
-        failed = self.failed[ended]
-        if not failed.any():
-            return ""
-        names = self.joint.names
-        found = pattern(names, self.values[ended], failed)
-        if found.inputs:
-            where = ", ".join(f"{size} {name}" for name, size in found.inputs.items())
-            return f"not random: more often with {where}"
-        return "random as far as they tell" if found.tells else "too few to tell whether random"
-
-
-@dataclass(frozen=True, eq=False)
-class Design:
-    """A study's uncertain inputs, and the cases of its design by socket and material set."""
-
-    inputs: Uncertainty
-    groups: tuple[Group, ...]
-
-
-def read_design(folder: Path, content: Mapping[str, Any], records: Iterable[CaseRecord]) -> Design:
-    """Read the design of a study.
-
-    Raises
-    ------
-    InputError
-        When design.csv is missing or is not that of the study.
-    """
-    path = folder / DESIGN_FILE
-    inputs = Uncertainty.model_validate(content)
-    names = [heading(name, of.unit) for name, of in inputs.inputs.items()]
-    again = "run the study again with --resume"
-    try:
-        table = pd.read_csv(path, dtype=dict.fromkeys(KEY, str)).set_index("case")[names]
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); {again}") from None
-    of_base: dict[Key, list[CaseRecord]] = {}
-    for record in records:
-        if record.name in table.index:
-            of_base.setdefault(record.base, []).append(record)
-    groups = []
-    for base, cases in of_base.items():
-        rows = table.loc[[record.name for record in cases]]
-        kept = rows.notna().all().to_numpy()
-        pairs = [
-            (of, rows[name])
-            for (name, of, keep) in zip(names, inputs.inputs.values(), kept, strict=True)
-            if keep
-        ]
-        values = np.column_stack(
-            [column.map(of.value) if of.discrete else column.astype(float) for of, column in pairs]
-        )
-        groups.append(Group(base, inputs.joint.only(kept), values, tuple(cases)))
-    return Design(inputs, tuple(groups))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +89,9 @@ class Uncertain:
     Attributes
     ----------
     table : DataFrame
-        One row a quantity of a tissue, by its magnitude: the file's own value, mean, standard
-        deviation, band of 95 %, Q2 and whether to trust it, cases that it is fitted on.
+        One row a quantity of a tissue in a state, by its magnitude: the file's own value, mean,
+        standard deviation, band of 95 %, Q2 and whether to trust it, cases that it is fitted on;
+        what cases say that it is not fitted on, if the study has any.
     shares : DataFrame
         What each input explains of the variance: first and total share (`uncertainty.shares`).
     pressure : DataFrame
@@ -187,13 +104,15 @@ class Uncertain:
 
     @classmethod
     def read(cls, folder: Path) -> "Uncertain | None":
-        """Read what was written; None where a file is missing."""
+        """Read what was written; None where a file is missing, or another version wrote it."""
         paths = [folder / name for name in EVALUATED]
         if not all(path.is_file() for path in paths):
             return None
-        types = dict.fromkeys((*KEY, "failures"), str)
-        found = (pd.read_csv(path, dtype=types) for path in paths)
-        table, shares, pressure = found
+        types = dict.fromkeys((*KEY, STATE, "failures"), str)
+        tables = [pd.read_csv(path, dtype=types) for path in paths]
+        if [tuple(table.columns) for table in tables] != [*COLUMNS]:
+            return None
+        table, shares, pressure = tables
         return cls(table.fillna({"failures": ""}), shares, pressure)
 
     def write(self, folder: Path) -> list[Path]:
@@ -205,7 +124,7 @@ class Uncertain:
 
 
 def numbers(summary: pd.DataFrame, levels: pd.DataFrame) -> pd.DataFrame:
-    """Return all numbers of cases as rows of a summary.
+    """Return all numbers of cases in their states as rows of a summary.
 
     With what nearly all of a tissue's area stays below, as QUANTITY_below_99.9.
     """
@@ -215,141 +134,284 @@ def numbers(summary: pd.DataFrame, levels: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([summary[columns], settling[columns]], ignore_index=True)
 
 
-def evaluate(design: Design, summary: pd.DataFrame, contact: pd.DataFrame) -> Uncertain:
-    """Fit a chaos to every number of the cases, and to the contact pressure around the limb.
+Tables = Mapping[tuple[str, str, str], pd.DataFrame]
+"""Rows by socket, material set and state."""
+
+
+def by_state(table: pd.DataFrame) -> Tables:
+    """Return the rows of each case in each state."""
+    return dict(list(table.groupby([*KEY, STATE], sort=False)))
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Inputs and numbers of some cases in one state.
+
+    Attributes
+    ----------
+    values : array
+        Of the inputs, a row a case.
+    numbers : DataFrame
+        Magnitudes, a row a case and a column a tissue and quantity.
+    around : array
+        Contact pressure at `ANGLES_DEG`, a row a case, kPa.
+    """
+
+    values: Array
+    numbers: pd.DataFrame
+    around: Array
+
+    @classmethod
+    def of(cls, group: Group, summary: Tables, contact: Tables) -> "Sample":
+        """Return that of the solved cases of a group in its state."""
+        places = [(*each.key, group.state) for each in group.records]
+        solved = [place for place, each in zip(places, group.solved, strict=True) if each]
+        columns = {place: _magnitudes(summary[place]) for place in solved}
+        wide = pd.concat(columns, axis=1).T if columns else pd.DataFrame()
+        around = [_around(contact[place]) for place in solved]
+        return cls(
+            group.values[group.solved],
+            wide.reset_index(drop=True),
+            np.array(around).reshape(len(solved), len(ANGLES_DEG)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What is computed of one socket with one material set in one state.
+
+    Attributes
+    ----------
+    group : Group
+        The cases of the design in that state.
+    fitted : Sample
+        Those that are solved.
+    check : Sample, optional
+        Solved cases that nothing is fitted to.
+    check_failed : int
+        Cases of that kind that failed.
+    nominal : Series
+        Magnitudes of the file's own values.
+    nominal_around : array
+        Contact pressure of the file's own values, NaN where that case is not solved.
+    units : Series
+        Of the numbers.
+    """
+
+    group: Group
+    fitted: Sample
+    check: Sample | None
+    check_failed: int
+    nominal: "pd.Series[float]"
+    nominal_around: Array
+    units: "pd.Series[str]"
+
+    @classmethod
+    def of(
+        cls, group: Group, check: Group | None, summary: Tables, contact: Tables
+    ) -> "Evaluation":
+        """Collect the numbers of a group in its state."""
+        own = (*group.base, group.state)
+        bore_it = group.own is not None and group.state not in group.own.limited
+        fitted = Sample.of(group, summary, contact)
+        known = [(*each.key, group.state) for each in group.records]
+        rows = next((summary[place] for place in known if place in summary), None)
+        return cls(
+            group,
+            fitted,
+            Sample.of(check, summary, contact) if check else None,
+            int(check.failed.sum()) if check else 0,
+            _magnitudes(summary[own]) if bore_it and own in summary else pd.Series(dtype=float),
+            _around(contact[own])
+            if bore_it and own in contact
+            else np.full(len(ANGLES_DEG), np.nan),
+            pd.Series(dtype=str) if rows is None else _by_number(rows).unit,
+        )
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """Columns that name it in tables."""
+        return dict(zip((*KEY, STATE), (*self.group.base, self.group.state), strict=True))
+
+    @property
+    def enough(self) -> bool:
+        """Whether there are cases enough for a chaos."""
+        terms = 1 + sum(each.terms for each in self.group.joint.marginals)
+        return len(self.fitted.values) >= CASES_PER_TERM * terms
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """How many cases failed, or did not end."""
+        group = self.group
+        return {
+            "failed": int(group.failed.sum()),
+            "unfinished": int((~group.solved & ~group.failed).sum()),
+            "failures": group.failures,
+        }
+
+    def number(self, name: Key, explained: Explained) -> tuple[dict[str, Any], pd.DataFrame]:
+        """Return the row of a tissue's quantity, and what each input explains of it.
+
+        With a chaos where there are cases enough.
+        """
+        every = self.fitted.numbers[name].to_numpy(dtype=float)
+        values = every[~np.isnan(every)]
+        row = self.columns | dict(zip(("tissue", "quantity"), name, strict=True))
+        row |= {"unit": self.units.get(name, ""), "nominal": self.nominal.get(name, np.nan)}
+        row |= {"mean_of_cases": values.mean(), "sd_of_cases": values.std(), "cases": len(values)}
+        row |= self.counts | self._of_checks(name) | {"trusted": False}
+        if not self.enough or len(values) < len(every):
+            return row, pd.DataFrame()
+        chaos = fit(explained.basis, self.fitted.values, values)
+        most = 100.0 if SHARED in name[1] else np.inf
+        low, high = np.clip(np.quantile(chaos.sample, BAND), 0.0, most)  # it is a magnitude
+        row |= {"mean": chaos.mean, "sd": chaos.sd, "low": low, "high": high, "q2": chaos.q2}
+        row["trusted"] = chaos.trusted
+        if row["check_cases"]:
+            assert self.check is not None
+            found = self.check.numbers[name].to_numpy(dtype=float)
+            row |= _judged(found, chaos(self.check.values), (low, high))
+            row["trusted"] = chaos.trusted and not row["check_q2"] < TRUSTED
+        return row, self._shares(name, explained(chaos))
+
+    def _of_checks(self, name: Key) -> dict[str, Any]:
+        """Return how many cases check a number, their mean and standard deviation."""
+        row = {"check_cases": 0, "check_failed": self.check_failed}
+        if self.check is None or name not in self.check.numbers:
+            return row
+        values = self.check.numbers[name].to_numpy(dtype=float)
+        if np.isnan(values).any():
+            return row
+        cases = {"check_mean": values.mean(), "check_sd": values.std()}
+        return row | {"check_cases": len(values)} | cases
+
+    def pressure(self, explained: Explained) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Return contact pressure around the limb with its band, and what inputs explain of it."""
+        found = fit_field(explained.basis, self.fitted.values, self.fitted.around)
+        low, median, high = np.maximum(found.band, 0.0)
+        judged = dict.fromkeys(CHECKED, np.nan)
+        if self.check is not None and len(self.check.values):
+            judged = _judged(self.check.around, found(self.check.values), (low, high))
+        trusted = found.q2 >= TRUSTED and not judged["check_q2"] < TRUSTED
+        table = pd.DataFrame(
+            {
+                **self.columns,
+                "angle_deg": ANGLES_DEG,
+                "nominal_kPa": self.nominal_around,
+                "mean_kPa": found.mean,
+                "low_kPa": low,
+                "median_kPa": median,
+                "high_kPa": high,
+                "q2": found.q2,
+                "trusted": trusted,
+                **judged,
+            }
+        )
+        return table, self._shares(("skin", AROUND), explained.of(found.chaos))
+
+    def _shares(self, name: Key, shares: Shares) -> pd.DataFrame:
+        joint = self.group.joint
+        rank = np.empty(len(joint.names), dtype=int)
+        rank[shares.order] = np.arange(1, len(rank) + 1)
+        return pd.DataFrame(
+            {
+                **self.columns,
+                **dict(zip(("tissue", "quantity"), name, strict=True)),
+                "input": joint.names,
+                "first": shares.first,
+                "total": shares.total,
+                "rank": rank,
+                "correlated": joint.dependent,
+            }
+        )
+
+
+def evaluations(design: Design, summary: pd.DataFrame, contact: pd.DataFrame) -> list[Evaluation]:
+    """Collect what is to be computed of a study.
 
     Parameters
     ----------
     design : Design
         The cases and their inputs.
     summary, contact : DataFrame
-        `numbers` and contact of the donned sockets of all solved cases, as in `Results`.
+        `numbers` and contact of all solved cases in all states.
     """
-    of_summary = dict(list(summary.groupby([*KEY], sort=False)))
-    of_contact = dict(list(contact.groupby([*KEY], sort=False)))
-    tables, shares, pressures = [], [], []
-    for group in design.groups:
-        part = _Evaluation(group, of_summary, of_contact)
-        tables.append(part.table())
-        pressures.append(part.pressure())
-        shares.append(part.shares())
-    every = zip((tables, shares, pressures), COLUMNS, strict=True)
-    return Uncertain(*(_joined(parts, columns) for parts, columns in every))
+    of_summary, of_contact = by_state(summary), by_state(contact)
+    return [
+        Evaluation.of(each.at(state), check and check.at(state), of_summary, of_contact)
+        for each in design.groups
+        for check in [design.checks.get(each.base)]
+        for state in each.states
+    ]
 
 
-def _joined(parts: Iterable[pd.DataFrame], columns: tuple[str, ...]) -> pd.DataFrame:
-    """Return the tables of all groups below each other; with columns even where all are empty."""
+def evaluate(collect: Callable[[], list[Evaluation]], comm: "MPI.Intracomm") -> Uncertain:
+    """Fit a chaos to every number and to the contact pressure around the limb (collective).
+
+    Ranks take a number each until all are done.
+
+    Parameters
+    ----------
+    collect : callable
+        Returns the evaluations; called on rank 0.
+
+    Returns
+    -------
+    Uncertain
+        Of all numbers on rank 0; without rows on the others.
+    """
+    from calfsocket.parallel.tasks import side_by_side
+
+    parts = on_first_rank(comm, collect)
+    explained: dict[Key, Explained] = {}
+
+    def of(part: Evaluation) -> Explained:
+        """Return the polynomials of a group, which all its states share."""
+        base = part.group.base
+        if base not in explained:
+            explained[base] = Explained(Basis(part.group.joint))
+        return explained[base]
+
+    def field(part: Evaluation) -> tuple[pd.DataFrame, pd.DataFrame]:
+        return part.pressure(of(part))
+
+    def number(part: Evaluation, name: Key) -> tuple[dict[str, Any], pd.DataFrame]:
+        return part.number(name, of(part))
+
+    fields = [partial(field, part) for part in parts if part.enough]
+    rows = [partial(number, part, name) for part in parts for name in part.fitted.numbers.columns]
+    # fields take longest and begin first, so that no rank is left with one at the end
+    done = side_by_side(comm, [*fields, *rows])
+    of_fields, of_rows = done[: len(fields)], done[len(fields) :]
+    table = pd.DataFrame([row for row, _ in of_rows], columns=[*TABLE_COLUMNS])
+    shares = _joined([each for _, each in [*of_rows, *of_fields]], SHARES_COLUMNS)
+    return Uncertain(table, shares, _joined([each for each, _ in of_fields], PRESSURE_COLUMNS))
+
+
+def _judged(found: Array, predicted: Array, band: tuple[Any, Any]) -> dict[str, float]:
+    """Return `CHECKED` of what cases have come to and a chaos says of them."""
+    low, high = band
+    inside = np.mean((found >= low) & (found <= high))
+    variance = np.mean((found - found.mean(axis=0)) ** 2)
+    same = not variance > 0
+    q2 = np.nan if same else 1 - np.mean((found - predicted) ** 2) / variance
+    return dict(zip(CHECKED, (100.0 * float(inside), float(q2)), strict=True))
+
+
+def _joined(parts: Sequence[pd.DataFrame], columns: Iterable[str]) -> pd.DataFrame:
+    """Return tables below each other; with columns even where all are empty."""
     filled = [part for part in parts if len(part)]
-    if not filled:
-        return pd.DataFrame(columns=list(columns))
-    return pd.concat(filled, ignore_index=True)[list(columns)]
+    whole = pd.concat(filled, ignore_index=True) if filled else pd.DataFrame(columns=[*columns])
+    return whole[[*columns]]
 
 
-class _Evaluation:
-    """That of one socket with one material set."""
-
-    def __init__(
-        self, group: Group, summary: Mapping[Key, pd.DataFrame], contact: Mapping[Key, pd.DataFrame]
-    ) -> None:
-        self._group, self._solved = group, group.solved
-        self._keys = [record.key for record in group.records if record.solved]
-        self._values = group.values[self._solved]
-        self._summary, self._contact = summary, contact
-        terms = 1 + sum(each.terms for each in group.joint.marginals)
-        self._enough = len(self._keys) >= CASES_PER_TERM * terms
-        self._basis = Basis(group.joint)
-        self._explained = Explained(self._basis)
-        self._shares: list[pd.DataFrame] = []
-
-    def table(self) -> pd.DataFrame:
-        """Return a row for each quantity."""
-        if not self._keys:
-            return pd.DataFrame()
-        wide = pd.concat(
-            {key: _magnitudes(self._summary[key]) for key in self._keys}, axis=1
-        ).T.reset_index(drop=True)
-        own = self._summary.get(self._group.base)
-        nominal = _magnitudes(own) if own is not None else pd.Series(dtype=float)
-        units = self._summary[self._keys[0]].set_index(["tissue", "quantity"]).unit
-        rows = []
-        for name in wide.columns:
-            known = wide[name].notna().to_numpy()
-            row = dict(zip(NUMBER, (*self._group.base, *name), strict=True))
-            row |= {"unit": units.get(name, ""), "nominal": nominal.get(name, np.nan)}
-            rows.append(row | self._of(name, wide[name].to_numpy(dtype=float), known))
-        return pd.DataFrame(rows)
-
-    def _of(self, name: Key, outputs: Array, known: Any) -> dict[str, Any]:
-        """Return the numbers of a quantity; a chaos where there are cases enough."""
-        n, values = int(known.sum()), outputs[known]
-        counts = {
-            "cases": n,
-            "failed": int(self._group.failed.sum()),
-            "unfinished": int((~self._solved & ~self._group.failed).sum()),
-            "failures": self._group.failures,
-        }
-        cases = {"mean_of_cases": values.mean() if n else np.nan, "sd_of_cases": values.std()}
-        if not (self._enough and n == len(self._keys)):
-            empty = dict.fromkeys(("mean", "sd", "low", "high", "q2"), np.nan)
-            return {**empty, "trusted": False, **cases, **counts}
-        chaos = fit(self._basis, self._values, values)
-        most = 100.0 if SHARED in name[1] else np.inf
-        low, high = np.clip(np.quantile(chaos.sample, BAND), 0.0, most)  # it is a magnitude
-        self._add(name, self._explained(chaos))
-        return {
-            "mean": chaos.mean, "sd": chaos.sd, "low": low, "high": high, "q2": chaos.q2,
-            "trusted": chaos.trusted, **cases, **counts,
-        }  # fmt: skip
-
-    def _add(self, name: Key, shares: Shares) -> None:
-        joint = self._group.joint
-        rank = np.empty(len(joint.names), dtype=int)
-        rank[shares.order] = np.arange(1, len(rank) + 1)
-        columns = dict(zip(NUMBER, (*self._group.base, *name), strict=True))
-        self._shares.append(
-            pd.DataFrame(
-                {
-                    **columns,
-                    "input": joint.names,
-                    "first": shares.first,
-                    "total": shares.total,
-                    "rank": rank,
-                    "correlated": joint.dependent,
-                }
-            )
-        )
-
-    def pressure(self) -> pd.DataFrame:
-        """Return the contact pressure around the limb, with its band."""
-        if not self._enough:
-            return pd.DataFrame()
-        fields = np.array([_around(self._contact[key]) for key in self._keys])
-        found = fit_field(self._basis, self._values, fields)
-        self._add(("skin", AROUND), self._explained.of(found.chaos))
-        low, median, high = np.maximum(found.band, 0.0)
-        own = self._contact.get(self._group.base)
-        return pd.DataFrame(
-            {
-                **dict(zip(KEY, self._group.base, strict=True)),
-                "angle_deg": ANGLES_DEG,
-                "nominal_kPa": np.nan if own is None else _around(own),
-                "mean_kPa": found.mean,
-                "low_kPa": low,
-                "median_kPa": median,
-                "high_kPa": high,
-                "q2": found.q2,
-                "trusted": found.q2 >= TRUSTED,
-            }
-        )
-
-    def shares(self) -> pd.DataFrame:
-        """Return what each input explains of each quantity; call after the others."""
-        return pd.concat(self._shares, ignore_index=True) if self._shares else pd.DataFrame()
+def _by_number(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.set_index(["tissue", "quantity"])
 
 
 def _magnitudes(rows: pd.DataFrame) -> "pd.Series[float]":
     """Return the magnitude of each quantity: a sign that changes with its site is no number."""
-    return rows.set_index(["tissue", "quantity"]).value.abs()
+    return _by_number(rows).value.abs()
 
 
 def _around(rows: pd.DataFrame) -> Array:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
+from calfsocket.imaging.layer_thickness import LayerThickness
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.schema import checked, misspelt, nearest
 from calfsocket.materials.liner import Liner
@@ -175,14 +176,15 @@ class Plan:
 
     @property
     def settings(self) -> dict[str, dict[str, Any]]:
-        """Tables `model`, `steps` and, if there is one, `liner`, defaults filled in.
+        """Tables `model`, `steps` and, if there are any, `layers` and `liner`, defaults filled in.
 
         What carries the socket is none where nothing loads it.
         """
         shape = dict.fromkeys(Lining.model_fields, True)
         tables = self.document.model_dump(
-            mode="json", include={"model": True, "steps": True, "liner": shape}
+            mode="json", include={"model": True, "steps": True, "layers": True, "liner": shape}
         )
+        tables["layers"] = {key: text for key, text in tables["layers"].items() if text} or None
         loadings = [case.document.loading for case in self.cases]
         if not any(loading and loading.moves_socket for loading in loadings):
             del tables["model"]["socket_carried"]
@@ -247,6 +249,7 @@ class Planner:
             dict.fromkeys(name for each in sections(limb) for name in each.tissues)
         )
         self._documents: dict[str, Document] = {}
+        self._limbs: dict[tuple[int, LayerThickness], Limb] = {}
         self._placements: dict[tuple[AnySocket, int, bool, Liner | None], Placement] = {}
         self.document = self._changed_document({}, "")
         self._check_names(self.document)
@@ -431,7 +434,8 @@ class Planner:
                 f" {len(self._sections)} levels; use a socket that follows each level, by a law or"
                 " like = 'HS'"
             )
-        for section, (limb, level) in enumerate(self._sections):
+        for section, (_, level) in enumerate(self._sections):
+            limb = self._limb(section, document, f"{place}: " if changes else "")
             at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
             if document.loading:
@@ -463,6 +467,16 @@ class Planner:
             simplefilter("ignore")
             changed = paper.replace_known(laws, limb.tissues)
             return replace(changed, name=_joined(name, label))
+
+    def _limb(self, section: int, document: Document, place: str) -> Limb:
+        """Return a section with layers as thick as the file has them."""
+        key = section, document.layers
+        if key not in self._limbs:
+            limb, level = self._sections[section]
+            at = f": level {level.name}" if level else ""
+            with error_context(self._path, f"{place}layers{at}"):
+                self._limbs[key] = document.layers.of(limb)
+        return self._limbs[key]
 
     def _placement(
         self, socket: AnySocket, name: str, section: int, document: Document

@@ -11,13 +11,15 @@ from calfsocket.uncertainty.inputs import Uncertainty
 
 
 def points(uncertain: Uncertainty, content: Mapping[str, Any]) -> list[Point]:
-    """Return the file without changes, and a point for each row of the design."""
+    """Return the file without changes, and a point for each case that is drawn."""
     found = [Point({}, "")]
-    for row in range(uncertain.cases):
+    labels = [f"u{number + 1:03d}" for number in range(uncertain.cases)]
+    labels += [f"c{number + 1:03d}" for number in range(uncertain.check)]
+    for row, label in enumerate(labels):
         changed: dict[str, Any] = {}
         for i, (name, of) in enumerate(uncertain.inputs.items()):
-            changed |= changes(content, of, name, of.text(uncertain.drawn[row, i]))
-        found.append(Point(changed, f"u{row + 1:03d}", row))
+            changed |= changes(content, of, name, of.text(uncertain.rows[row, i]))
+        found.append(Point(changed, label, row))
     return found
 
 
@@ -26,7 +28,7 @@ def ends(uncertain: Uncertainty) -> Iterator[tuple[str, str, Any]]:
 
     Bounds and choices in the file, and the smallest and the largest value drawn.
     """
-    smallest, largest = uncertain.drawn.min(axis=0), uncertain.drawn.max(axis=0)
+    smallest, largest = uncertain.rows.min(axis=0), uncertain.rows.max(axis=0)
     for i, (name, of) in enumerate(uncertain.inputs.items()):
         for key, value in of.bounds:
             yield name, key, of.text(of.get(key) or 0.0) if not of.discrete else value

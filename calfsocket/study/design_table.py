@@ -8,8 +8,8 @@ import pandas as pd
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
+from calfsocket.simulation.design import CHECK, DESIGN_FILE, FIT, PURPOSE, heading
 from calfsocket.simulation.record import CaseRecord
-from calfsocket.simulation.uncertain import DESIGN_FILE, heading
 from calfsocket.study.cases import Plan
 
 
@@ -25,7 +25,8 @@ def table(plan: Plan, records: Mapping[str, CaseRecord]) -> pd.DataFrame:
         if case.row is None or case.name not in records:
             continue
         row: dict[str, Any] = {"case": case.name, **records[case.name].columns}
-        drawn = uncertain.drawn[case.row]
+        row[PURPOSE] = FIT if case.row < uncertain.cases else CHECK
+        drawn = uncertain.rows[case.row]
         for (name, of), value in zip(uncertain.inputs.items(), drawn, strict=True):
             reached = any(parameter in case.changes for parameter in of.scales or (name,))
             shown = of.text(value) if of.discrete else value

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from calfsocket.contact.parameters import Contact
+from calfsocket.imaging.layer_thickness import LayerThickness
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import Strict
 from calfsocket.io.units import SHARE, STRESS
@@ -187,6 +188,7 @@ class Document(Strict):
     study: StudyTable = Field(default_factory=StudyTable)
     model: ModelTable = Field(default_factory=ModelTable)
     steps: LoadSteps = Field(default_factory=LoadSteps)
+    layers: LayerThickness = Field(default_factory=LayerThickness)
     liner: Liner | None = None
     sockets: dict[Name, SocketTable] = Field(default_factory=dict)
     materials: dict[Name, MaterialSetTable] = Field(default_factory=dict)
@@ -213,6 +215,7 @@ class Document(Strict):
             "study": StudyTable,
             "model": ModelTable,
             "steps": LoadSteps,
+            "layers": LayerThickness,
             "liner": Liner,
         }
         for place, table in tables.items():

@@ -18,6 +18,7 @@ from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
 from calfsocket.simulation import uncertain
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, STAGE_FILES, conditions
+from calfsocket.simulation.design import DESIGN_FILE
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import LEVEL, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.results import KEY
@@ -28,7 +29,7 @@ from calfsocket.study.sweep_table import SWEEP_FILE
 
 CASES_FILE = "cases.csv"
 TABLES = (*restart.CASE_TABLES, *restart.STAGE_TABLES)
-FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, *uncertain.FILES, CASES_FILE, RUN_FILE)
+FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, DESIGN_FILE, *uncertain.EVALUATED, CASES_FILE, RUN_FILE)
 """Files of a study beside its cases' folders."""
 
 log = logging.getLogger(__name__)

@@ -244,17 +244,17 @@ class Study:
             runner.run(resume)
             results = load_results(folder, runner.shared())
             on_first_rank(comm, lambda: results.write_maps(pictures))
-            on_first_rank(comm, lambda: _evaluate(results))
+            _evaluate(results, comm)
             then(results)
             return results
 
 
-def _evaluate(results: "Results") -> None:
-    """Write what uncertain inputs do; a failure may not fail what is solved."""
+def _evaluate(results: "Results", comm: "MPI.Intracomm") -> None:
+    """Write what uncertain inputs do (collective); a failure may not fail what is solved."""
     from calfsocket.study.runner import logged
 
     with logged("the bands of the uncertain inputs could not be computed"):
-        results.write_uncertainty()
+        results.write_uncertainty(comm)
 
 
 def variants() -> dict[str, dict[str, Any]]:

@@ -18,7 +18,7 @@ from calfsocket.study.names import Name
 Changes = Mapping[str, Any]
 """Dotted name of a parameter -> value as the file has it."""
 
-MAY_CHANGE = ("model", "liner", "steps", "sockets", "materials", "laws", "loads")
+MAY_CHANGE = ("model", "layers", "liner", "steps", "sockets", "materials", "laws", "loads")
 LONGEST_LABEL = 80
 LONGEST_WORD = 24
 MOST_POINTS = 1000

@@ -105,16 +105,21 @@ class Basis:
 
     def evaluate(self, terms: Multi, germs: Array) -> Array:
         """Return the values of terms, (n, terms)."""
-        found = np.ones((len(germs), len(terms)))
+        return self.rows(terms, germs).T
+
+    def rows(self, terms: Multi, germs: Array) -> Array:
+        """Return the values of terms, a row each, (terms, n)."""
+        found = np.ones((len(terms), len(germs)))
         for i, polynomials in enumerate(self._coefficients):
-            degrees = terms[:, i]
-            if not degrees.any():
+            touched = np.flatnonzero(terms[:, i])  # a few of all: the first polynomial is 1
+            if not len(touched):
                 continue
-            table = np.column_stack([
+            degrees = terms[touched, i]
+            table = np.stack([
                 np.polynomial.polynomial.polyval(germs[:, i], polynomials[k])
                 for k in range(degrees.max() + 1)
             ])  # fmt: skip
-            found *= table[:, degrees]
+            found[touched] *= table[degrees]
         return found
 
 
@@ -165,7 +170,7 @@ class Chaos:
 
     def at_germs(self, germs: Array) -> Array:
         """Return the output where the basis's variables have some values, (n,)."""
-        return self.basis.evaluate(self.terms, germs) @ self.coefficients
+        return self.coefficients @ self.basis.rows(self.terms, germs)
 
     def __call__(self, values: Array) -> Array:
         """Return the output at values of the inputs, (n,)."""

@@ -38,6 +38,13 @@ class Field:
     residuals: Array
     q2: float
 
+    def __call__(self, values: Array) -> Array:
+        """Return the field at values of the inputs, (n, m)."""
+        fields = np.repeat(self.mean[None, :], len(values), axis=0)
+        if self.chaos:
+            fields += np.column_stack([each(values) for each in self.chaos]) @ self.modes
+        return fields
+
     @cached_property
     def band(self) -> Array:
         """Lower end, median and upper end of the band of 95 % at each point, (3, m)."""

@@ -21,6 +21,9 @@ CASES_PER_TERM = 2
 NAME = re.compile(r"[^\W\d_][\w .+'-]{0,79}")
 """Of an input: it is a cell in tables, and must be no formula."""
 
+LEAST_CHECK = 10
+"""Least cases that check a chaos: fewer tell neither a spread nor a share of cases."""
+
 EDGE = 1e-12
 """Distance that probabilities keep from 0 and 1, where a normal distribution has no quantile."""
 
@@ -52,6 +55,9 @@ class Uncertainty(Strict):
         adds; lhs an optimised Latin hypercube; random draws each case by itself.
     seed : int
         Another one gives another design.
+    check : int
+        Cases that are drawn at random beside the design, and that nothing is fitted to: what is
+        said of the others is compared with them.
     inputs : mapping
         Dotted name of a parameter -> its distribution.
     correlations : list of tables
@@ -61,6 +67,7 @@ class Uncertainty(Strict):
     cases: Annotated[int, Field(gt=0, le=900)] = 120
     design: Literal["sobol", "lhs", "random"] = "sobol"
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 1
+    check: Annotated[int, Field(ge=0, le=900)] = 0
     inputs: dict[str, Any]
     correlations: tuple[Correlation, ...] = ()
 
@@ -100,6 +107,10 @@ class Uncertainty(Strict):
             raise ValueError(
                 f"cases: is {self.cases}; a linear chaos in these inputs has {terms} terms, which "
                 f"need {CASES_PER_TERM * terms} cases or more"
+            )
+        if 0 < self.check < LEAST_CHECK:
+            raise ValueError(
+                f"check: is {self.check}; give {LEAST_CHECK} cases or more, or 0 for none"
             )
         return self
 
@@ -159,11 +170,33 @@ class Uncertainty(Strict):
     @cached_property
     def drawn(self) -> Array:
         """The design: a row a case and a column an input, in its unit; choices as numbers."""
-        values = self.joint.at(uniform_design(self.design, self.cases, len(self.inputs), self.seed))
-        marginals = list(self.inputs.values())
-        # as the file has them, so that what is fitted is what was solved
+        return self._at(uniform_design(self.design, self.cases, len(self.inputs), self.seed))
+
+    @cached_property
+    def drawn_to_check(self) -> Array:
+        """The cases that check it, in the same way; a larger number of them keeps the first."""
+        # by another generator than that of designs, or a random one would be drawn again
+        generator = np.random.default_rng(self.seed)
+        return self._at(generator.random((self.check, len(self.inputs))))
+
+    @cached_property
+    def rows(self) -> Array:
+        """The design and, below it, the cases that check it."""
+        return np.vstack([self.drawn, self.drawn_to_check])
+
+    def _at(self, cube: Array) -> Array:
+        """Return values of the inputs at points of the unit cube, as the file has them.
+
+        So what is fitted is what was solved.
+        """
+        if not len(cube):
+            return np.empty((0, len(self.inputs)))
+        values = self.joint.at(cube)
         return np.column_stack(
-            [[of.value(of.text(x)) for x in values[:, i]] for i, of in enumerate(marginals)]
+            [
+                [of.value(of.text(x)) for x in values[:, i]]
+                for i, of in enumerate(self.inputs.values())
+            ]
         )
 
 

@@ -44,7 +44,7 @@ class Explained:
     """Shares of outputs whose chaos has one basis."""
 
     def __init__(self, basis: Basis) -> None:
-        self._basis = basis
+        self.basis = basis
         d = len(basis.joint.names)
         self._pairs = {
             kept: self._pair(kept)
@@ -59,7 +59,7 @@ class Explained:
     def of(self, modes: Iterable[Chaos]) -> Shares:
         """Return the shares of a field: those of its uncorrelated modes, by their variances."""
         modes = list(modes)
-        d = len(self._basis.joint.names)
+        d = len(self.basis.joint.names)
         variance = sum(each.variance for each in modes)
         if not variance:
             return Shares(np.full(d, np.nan), np.full(d, np.nan))
@@ -73,7 +73,7 @@ class Explained:
         first = squares[alone] @ touched[alone]
         total = squares @ touched
         every = range(touched.shape[1])
-        for i in np.flatnonzero(self._basis.joint.dependent):
+        for i in np.flatnonzero(self.basis.joint.dependent):
             first[i] = self._common(chaos, (int(i),))
             total[i] = chaos.variance - self._common(chaos, tuple(j for j in every if j != i))
         return np.array([first, total])
@@ -89,7 +89,7 @@ class Explained:
     def _pair(self, kept: tuple[int, ...]) -> tuple[Array, Array]:
         from scipy.stats import norm
 
-        joint = self._basis.joint
+        joint = self.basis.joint
         d = len(joint.names)
         order = [*kept, *(i for i in range(d) if i not in kept)]
         lower = np.linalg.cholesky(joint.correlation[np.ix_(order, order)])
@@ -100,5 +100,5 @@ class Explained:
         points = []
         for numbers in (first, second):
             normal = (numbers @ lower.T)[:, back]
-            points.append(self._basis.germs(joint.of_normal(normal, norm.cdf(normal))))
+            points.append(self.basis.germs(joint.of_normal(normal, norm.cdf(normal))))
         return points[0], points[1]

@@ -12,13 +12,14 @@ from calfsocket.plotting.style import MOST_SHOWN, new_figure
 from calfsocket.report import names
 from calfsocket.report.uncertain import DOUBT, NO_SHARE, Uncertainty, key_of
 from calfsocket.simulation.record import KEY
+from calfsocket.simulation.result import STATE
 
 PANEL_MM, KEY_MM, ROW_MM, FOOT_MM = 58.0, 6.0, 5.0, 24.0
 BAND, LINE, OWN = "#f4d6ae", "#96540c", "#333333"
 LEFT_MM, RIGHT_MM = 52.0, 176.0
 
-Name = tuple[str, str, str, str]
-"""Socket, material set, tissue and quantity."""
+Name = tuple[str, str, str, str, str]
+"""Socket, material set, state, tissue and quantity."""
 
 
 def figures(uncertain: Uncertainty) -> dict[str, Callable[[], Figure]]:
@@ -27,10 +28,11 @@ def figures(uncertain: Uncertainty) -> dict[str, Callable[[], Figure]]:
     found = uncertain.found
     if len(found.pressure):
         frame = next(iter(uncertain.results.records.values())).frame
-        made["pressure_band"] = partial(pressure_band, found.pressure, frame)
+        shown = found.pressure[found.pressure[STATE].isin(uncertain.states)]
+        made["pressure_band"] = partial(pressure_band, shown, frame)
     if len(found.shares):
         labels = {
-            (*key_of(row), row.tissue, row.quantity): uncertain.label(row)
+            (*key_of(row), row.state, row.tissue, row.quantity): uncertain.label(row)
             + ("" if row.trusted else f" {DOUBT}")
             for row in uncertain.headlines.itertuples()
         }
@@ -44,13 +46,14 @@ def figures(uncertain: Uncertainty) -> dict[str, Callable[[], Figure]]:
 
 
 def pressure_band(table: pd.DataFrame, frame: Frame) -> Figure:
-    """Draw contact pressure over the angle, a panel for each socket with a material set."""
-    groups = [*table.groupby([*KEY], sort=False)][:MOST_SHOWN]
+    """Draw contact pressure over the angle, a panel for each case in each state."""
+    groups = [*table.groupby([*KEY, STATE], sort=False)][:MOST_SHOWN]
+    several = table[STATE].nunique() > 1
     rows = -(-len(groups) // 2) if len(groups) > 1 else 1
     height = PANEL_MM * rows + KEY_MM
     figure = new_figure(height)
     every = figure.subplots(rows, min(len(groups), 2), squeeze=False, sharex=True, sharey=True)
-    for axes, ((socket, name), part) in zip(every.ravel(), groups, strict=False):
+    for axes, ((socket, name, state), part) in zip(every.ravel(), groups, strict=False):
         whole = pd.concat([part, part[:1].assign(angle_deg=360.0)])
         angle = whole.angle_deg
         axes.fill_between(
@@ -60,7 +63,8 @@ def pressure_band(table: pd.DataFrame, frame: Frame) -> Figure:
         if whole.nominal_kPa.notna().all():
             axes.plot(angle, whole.nominal_kPa, color=OWN, linewidth=0.8, dashes=(4, 3),
                       label="file's values")  # fmt: skip
-        axes.set_title(f"{socket} {names.material_set(name)}")
+        at = f", {state}" if several else ""
+        axes.set_title(f"{socket} {names.material_set(name)}{at}")
         axes.set(xlim=(0, 360), ylim=(0, None), ylabel="contact pressure, kPa")
         words = [*frame.words, frame.words[0]]
         axes.set_xticks(np.arange(0, 361, 90), words)
@@ -85,7 +89,7 @@ def shares(
     Inputs whose share is below `NO_SHARE` everywhere are left out.
     """
     wide = table.pivot_table(
-        index=[*KEY, "tissue", "quantity"], columns="input", values="share", sort=False
+        index=[*KEY, STATE, "tissue", "quantity"], columns="input", values="share", sort=False
     )
     wide = wide.loc[[name for name in labels if name in wide.index]]
     wide = wide[[name for name in titles if name in wide and wide[name].max() > NO_SHARE]]
