@@ -32,6 +32,7 @@ from calfsocket.materials.law import Law
 from calfsocket.materials.tissues import FASCIA, VESSEL
 from calfsocket.meshes import tags
 from calfsocket.meshes.quality import areas
+from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.simulation import Monitor
 from tiny_study import tiny_limb, tiny_socket
 
@@ -53,7 +54,7 @@ MATERIALS = MaterialSet.paper("separate").replace(muscle=FASCIA, skin=VESSEL)
 def exported(**changes: object) -> ExportedCase:
     arguments = {"materials": MATERIALS, "mesh_size": "coarse", **changes}
     case = Simulation(tiny_limb(), tiny_socket("C"), **arguments)  # type: ignore[arg-type]
-    return case._exported(*case._refined(Monitor()))
+    return case._exported(*case._refined(Monitor(), Prepared()))
 
 
 @pytest.fixture(scope="module")
