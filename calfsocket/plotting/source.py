@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from calfsocket.io.files import replacing
-from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.limb import Limb
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import type_set
 
@@ -66,13 +66,10 @@ def _extent(data: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64
 
 def fill(axes: Axes, limb: Limb) -> None:
     """Draw the regions of a limb by the colours of their tissues."""
-    loops = {
-        name: curve.evaluate(curve.sample(_STEP_MM)) for name, curve in limb_curves(limb).items()
-    }
+    bodies = limb.bodies(_STEP_MM)
     for region in limb.regions:
-        body = shapely.Polygon(loops[region.outer], [loops[hole] for hole in region.holes])
         patch = shapely.plotting.patch_from_polygon(
-            body, facecolor=drawing.TISSUE_COLOURS[region.tissue],
+            bodies[region.name], facecolor=drawing.TISSUE_COLOURS[region.tissue],
             edgecolor=drawing.OUTLINE, linewidth=0.5,
         )  # fmt: skip
         axes.add_artist(patch)  # the window is known: `add_patch` would look for it, for seconds
