@@ -80,6 +80,12 @@ _THICKEST = 100
             " set of that name)",
         ),
         option("--data", metavar="NAME", help="array of a VTK file that numbers the regions"),
+        option(
+            "--geometry",
+            type=Path,
+            metavar="FILE",
+            help="socket or outline that it was meshed from: straight sides are laid onto its faces",
+        ),
     ),
     description="""\
 Cut a socket from its own scan at the sections of a limb. Write its outlines as JSON, for
@@ -115,7 +121,7 @@ def socket(arguments: Namespace) -> None:
     if is_mesh(arguments.source):
         _write_meshed(arguments)
         return
-    for name in ("sets", "data"):
+    for name in ("sets", "data", "geometry"):
         if getattr(arguments, name):
             raise InputError(f"--{name}: belongs to a mesh, and {arguments.source} is none")
     shift = _shift(arguments.shift) if arguments.shift else (0.0, 0.0, 0.0)
@@ -158,6 +164,7 @@ def _write_meshed(arguments: Namespace) -> None:
         read_sets(arguments.sets) if arguments.sets else None,
         units=arguments.units,
         data=arguments.data,
+        geometry=arguments.geometry,
         name=out.stem,
     )
     made.write(out)

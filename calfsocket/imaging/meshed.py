@@ -29,7 +29,7 @@ from calfsocket.meshes.frame import Frame, View
 from calfsocket.meshes.given import GivenMesh, area_of, outer_sides, sides
 from calfsocket.meshes.limb import Limb, Provenance, limb_curves
 from calfsocket.meshes.outline import read_outline
-from calfsocket.meshes.socket import MeshedSocket, MeshProvenance
+from calfsocket.meshes.socket import MeshedSocket, MeshProvenance, Socket
 from calfsocket.meshes.triangles import TriangleMesh
 
 #: An origin that is closer to the middle of the skin than this share of its mean radius stays:
@@ -87,7 +87,7 @@ def limb_of_mesh(
     loops = mesh.loops
     _check_skin(mesh, loops[0], parts)
     if geometry is not None:
-        mesh = _curved(mesh, geometry, tolerance, remarks)
+        mesh = _curved(mesh, _curves(geometry), tolerance, remarks)
     facets, hole_of = _fixed(mesh, read, parts, loops, fixed, remarks)
     mesh, frame = _in_frame(mesh, parts, loops[0], said, seen_from, remarks)
     skin = _ring(mesh, loops[0])
@@ -148,6 +148,8 @@ def socket_of_mesh(
     *,
     units: str = "mm",
     data: str | None = None,
+    geometry: Socket | Path | str | None = None,
+    tolerance: float = ON_CURVE,
     **socket: Any,
 ) -> MeshedSocket:
     """Make a socket of the mesh of its wall; parameters as of `calfsocket.Socket.from_mesh`.
@@ -167,6 +169,8 @@ def socket_of_mesh(
         )
     outer, inner = loops
     remarks = list(mesh.remarks)
+    if geometry is not None:
+        mesh = _curved(mesh, _faces(geometry, limb), tolerance, remarks)
     faces = {tags.SOCKET_INNER: inner, tags.SOCKET_OUTER: outer}
     rings = {name: _ring(mesh, loop) for name, loop in faces.items()}
     with error_context(path):
@@ -243,10 +247,11 @@ def _check_skin(mesh: PlaneMesh, outer: Loop, parts: Assigned) -> None:
         )
 
 
-def _curved(mesh: PlaneMesh, geometry: Geometry, tolerance: float, remarks: list[str]) -> PlaneMesh:
+def _curved(
+    mesh: PlaneMesh, curves: Mapping[str, ClosedCurve], tolerance: float, remarks: list[str]
+) -> PlaneMesh:
     if not 0 < tolerance <= 1:
         raise InputError(f"tolerance: is {tolerance:g} mm; it must be more than 0, at most 1")
-    curves = _curves(geometry)
     mesh, laid, kept = curved(mesh, curves, tolerance)
     if not laid:
         raise InputError(
@@ -266,6 +271,11 @@ def _curves(geometry: Geometry) -> dict[str, ClosedCurve]:
     if path.suffix.lower() == ".json":
         return limb_curves(meshes.Limb.read(path))
     return {path.stem: through(read_outline(path).points)}
+
+
+def _faces(geometry: Socket | Path | str, limb: meshes.Limb) -> dict[str, ClosedCurve]:
+    socket = geometry if isinstance(geometry, Socket) else Socket.read(geometry)
+    return dict(zip(("inner", "outer"), socket.faces(limb), strict=True))
 
 
 def _fixed(

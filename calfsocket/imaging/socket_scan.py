@@ -14,6 +14,7 @@ from calfsocket.imaging import registration
 from calfsocket.imaging.mesh_sets import read_sets
 from calfsocket.imaging.meshed import socket_of_mesh
 from calfsocket.imaging.plane import Plane, cut
+from calfsocket.imaging.plane_mesh import ON_CURVE
 from calfsocket.imaging.registration import Face, Motion, Registration, Skin
 from calfsocket.imaging.section import (
     SKIN_RADII,
@@ -374,6 +375,8 @@ class Socket(meshes.Socket):
         *,
         units: str = "mm",
         data: str | None = None,
+        geometry: meshes.Socket | Path | str | None = None,
+        tolerance: float = ON_CURVE,
         **socket: Any,
     ) -> MeshedSocket:
         """Make a socket of a mesh of its wall, which is solved as it is.
@@ -388,6 +391,10 @@ class Socket(meshes.Socket):
             As of `Limb.from_mesh`: what is "socket". By default a set of that name.
         units, data
             As of `Limb.from_mesh`.
+        geometry
+            A socket, or its file: straight sides between nodes of its faces are laid onto them.
+        tolerance
+            Largest distance of those nodes from the faces, mm.
         **socket
             `name` (that of the file by default), `title`, `modulus` and `poisson`.
 
@@ -397,4 +404,13 @@ class Socket(meshes.Socket):
             One line: file, place, and what to do.
         """
         table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
-        return socket_of_mesh(path, limb, table, units=units, data=data, **socket)
+        return socket_of_mesh(
+            path,
+            limb,
+            table,
+            units=units,
+            data=data,
+            geometry=geometry,
+            tolerance=tolerance,
+            **socket,
+        )
