@@ -314,7 +314,7 @@ class Limb(Strict):
         if kind := kind_of(path):
             raise InputError(
                 f"{path}: is {kind}; a limb is a JSON file, which `python3 -m calfsocket limb`"
-                " makes of scans, label maps and outlines: see its --help"
+                " makes of scans, label maps, outlines and meshes: see its --help"
             )
         return read_json(path, cls)
 
@@ -480,6 +480,9 @@ class Limb(Strict):
             )
         elif self.side and not self.seen_from and self.frame.view(self.side) == "below":
             yield f"with these axes it is a {self.side} limb seen from below"
+        if self.mesh is not None:
+            of = f"that of {', '.join(self.source.files)}" if self.source else "its own"
+            yield f"its mesh, {len(self.mesh.cell_tags)} triangles, is {of}, solved as it is"
         if self.remarks:
             yield f"nothing is computed from {', '.join(self.remarks)}"
         used = {name for region in self.regions for name in region.loops}

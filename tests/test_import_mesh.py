@@ -1,5 +1,6 @@
 """Meshes made elsewhere as limbs and sockets: read, mended, and solved as they are."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -457,7 +458,7 @@ def test_a_limb_is_fixed_by_a_set_of_nodes(tmp_path: Path) -> None:
 
 
 def test_the_origin_is_moved_into_the_limb_and_the_socket_with_it(tmp_path: Path) -> None:
-    moved = replace(ring(), points=ring().points + [150.0, 40.0])
+    moved = replace(ring(), points=ring().points + np.array([150.0, 40.0]))
     msh22(moved, tmp_path / "a.msh")
     limb = cs.Limb.from_mesh(tmp_path / "a.msh", side="left", anterior="-x")
     socket = cs.Socket.from_mesh(tmp_path / "a.msh", limb)
@@ -477,6 +478,22 @@ def test_the_nearest_points_of_a_curve() -> None:
     expected = 10 * points / np.linalg.norm(points, axis=1)[:, None]
     np.testing.assert_allclose(circle.evaluate(circle.nearest(points)), expected, atol=1e-3)
     assert set(limb_curves(circles())) == {"c0", "c1", "c2", "c3", "c4"}
+
+
+@pytest.mark.slow
+def test_its_outlines_alone_make_a_limb_that_is_meshed_here(tmp_path: Path) -> None:
+    """The calf's own regions, from its mesh."""
+    calf = cs.Limb.reference()
+    msh22(section.build(calf, cs.Socket.reference("TSB"), SIZES["coarse"]), tmp_path / "a.msh")
+    limb = cs.Limb.from_mesh(tmp_path / "a.msh", anterior="+y", side="right", outlines=True)
+    assert limb.mesh is None
+    assert set(calf.tissues) <= set(limb.tissues)
+    for name in ("soleus", "tibia", "fibula", "great_saphenous_vein", "tibialis_anterior"):
+        assert limb.areas[name] == pytest.approx(calf.areas[name], rel=0.03)
+    with pytest.raises(cs.InputError, match="septum: belongs to outlines"):
+        cs.Limb.from_mesh(tmp_path / "a.msh", septum=0.5)
+    with pytest.raises(cs.InputError, match="fixed: belongs to a mesh that is solved as it is"):
+        cs.Limb.from_mesh(tmp_path / "a.msh", outlines=True, fixed="tibia")
 
 
 # ----- commands
@@ -500,3 +517,33 @@ def test_the_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -
     printed = capsys.readouterr().out
     assert "its wall is the mesh of a.msh" in printed
     assert cli.main(["show", "study.toml", "--out", "show.png"]) == 0
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda c: c["mesh"].update(points="!"), "points: is not base64"),
+        (lambda c: c["mesh"].update(cells=c["mesh"]["cells"][:-8]), "is cut off"),
+        (lambda c: c["mesh"].update(regions=c["mesh"]["regions"][:-8]), "numbers for"),
+        (lambda c: c["mesh"].update(points=c["mesh"]["points"][:640]), "a node that there is not"),
+        (lambda c: c["mesh"]["boundaries"].pop("skin_surface"), "'skin_surface' is missing"),
+        (lambda c: c["mesh"]["boundaries"].update(skin="AAAA"), "boundaries: no boundary 'skin'"),
+        (lambda c: c["regions"].pop(), "has triangles of a region 4, which is not listed"),
+        (lambda c: c["regions"].append({"id": 9, "name": "x", "tissue": "fat"}),
+         "regions.x: has no triangles; remove it"),
+        (lambda c: c.pop("mesh"), "regions.tibia.outer: is missing; add it"),
+        (lambda c: c.update(contact_boundary="skn"), "contact_boundary: no curve 'skn'"),
+    ],
+)  # fmt: skip
+def test_a_file_that_was_changed_gets_one_line(
+    change: Callable[[dict], object], says: str, tmp_path: Path
+) -> None:
+    msh22(ring(), tmp_path / "a.msh")
+    cs.Limb.from_mesh(tmp_path / "a.msh").write(tmp_path / "limb.json")
+    content = json.loads((tmp_path / "limb.json").read_text())
+    change(content)
+    (tmp_path / "limb.json").write_text(json.dumps(content))
+    with pytest.raises(cs.InputError) as error:
+        cs.Limb.read(tmp_path / "limb.json")
+    assert says in str(error.value)
+    assert str(error.value).startswith(str(tmp_path))

@@ -8,7 +8,7 @@ from calfsocket.commands import command, first_rank, group, option
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from calfsocket.imaging.anatomy import Anatomy, Said
     from calfsocket.imaging.limb import Filling, Imported
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _NOT_OF_DRAWINGS = "does not belong to a drawing of the section; omit it"
 _NOT_OF_MESHES = "does not belong to a mesh, which is solved as it is; omit it"
+_FILLING = ("skin_thickness", "fat_thickness", "crest", "fibular_head", "septum")
 
 
 @command(
@@ -148,6 +149,11 @@ _NOT_OF_MESHES = "does not belong to a mesh, which is solved as it is; omit it"
             metavar="FILE",
             help="limb or outline that it was meshed from: straight sides are laid onto its curves",
         ),
+        option(
+            "--outlines",
+            action="store_true",
+            help="use the outlines of its regions alone, as if they were drawn, and mesh them here",
+        ),
     ),
     description="""\
 Make a limb from surfaces of its skin and bones, from a label map, or from outlines: a section
@@ -185,16 +191,18 @@ def limb(arguments: Namespace) -> None:
     out = arguments.out
     if out.suffix != ".json":
         raise InputError(f"--out {out}: limbs are JSON files; use a name that ends in .json")
-    if any(map(is_mesh, arguments.source)):
+    if any(map(is_mesh, arguments.source)) and not arguments.outlines:
         made = _meshed(arguments)
         made.limb.write(out)
         draw_source(made.limb, made.outlines, out.with_suffix(".png"))
         print(summary_of_mesh(made.limb))
         print(f"written to {out} and {out.with_suffix('.png')}")
         return
-    for name in ("sets", "data", "fixed", "geometry"):
+    of_meshes = () if any(map(is_mesh, arguments.source)) else ("sets", "data", "outlines")
+    for name in ("fixed", "geometry", *of_meshes):
         if getattr(arguments, name):
-            raise InputError(f"--{name}: belongs to a mesh, and {arguments.source[0]} is none")
+            what = "is none" if of_meshes else "is not solved as it is with --outlines"
+            raise InputError(f"--{name}: belongs to a mesh, and {arguments.source[0]} {what}")
     filling = Filling(
         arguments.tissues,
         arguments.skin_thickness,
@@ -249,9 +257,12 @@ def _section(arguments: Namespace) -> "Section":
     """Return the section that is asked for."""
     from calfsocket.imaging.drawing_parts import is_drawing
     from calfsocket.imaging.limb import plane_of
+    from calfsocket.imaging.mesh_reader import is_mesh
     from calfsocket.imaging.plane import Level
     from calfsocket.imaging.section import section
 
+    if any(map(is_mesh, arguments.source)):
+        return _outlines_of_mesh(arguments)
     if any(map(is_drawing, arguments.source)):
         return _drawn(arguments)
     plane = plane_of(arguments.plane) if arguments.plane else None
@@ -320,15 +331,7 @@ def _meshed(arguments: Namespace) -> "MeshedLimb":
     from calfsocket.imaging.meshed import limb_of_mesh
     from calfsocket.imaging.plane_mesh import ON_CURVE
 
-    if len(arguments.source) > 1:
-        raise InputError(f"{arguments.source[0]}: is a mesh or beside one; give a mesh alone")
-    others = [
-        "level", "levels", "plane", "labels", "voxel", "proximal", "skin_thickness",
-        "fat_thickness", "crest", "fibular_head", "septum", *_roles(arguments),
-    ]  # fmt: skip
-    for name in others:
-        if getattr(arguments, name) is not None:
-            raise InputError(f"--{name.replace('_', '-')}: {_NOT_OF_MESHES}")
+    _check_options_of_mesh(arguments, _FILLING)
     if arguments.tolerance is not None and arguments.geometry is None:
         raise InputError(f"--tolerance: {_NOT_OF_MESHES}, or add --geometry")
     return limb_of_mesh(
@@ -342,6 +345,34 @@ def _meshed(arguments: Namespace) -> "MeshedLimb":
         geometry=arguments.geometry,
         tolerance=ON_CURVE if arguments.tolerance is None else arguments.tolerance,
     )
+
+
+def _outlines_of_mesh(arguments: Namespace) -> "Section":
+    """Return the section that a mesh is of."""
+    from calfsocket.imaging.mesh_sets import read_sets
+    from calfsocket.imaging.meshed import section_of_mesh
+    from calfsocket.imaging.section import TOLERANCE
+
+    _check_options_of_mesh(arguments)
+    return section_of_mesh(
+        arguments.source[0],
+        read_sets(arguments.sets) if arguments.sets else None,
+        units=arguments.units,
+        data=arguments.data,
+        said=_said(arguments),
+        seen_from=arguments.seen_from,
+        tolerance=TOLERANCE if arguments.tolerance is None else arguments.tolerance,
+    )
+
+
+def _check_options_of_mesh(arguments: Namespace, more: "Sequence[str]" = ()) -> None:
+    """Refuse what belongs to other sources."""
+    if len(arguments.source) > 1:
+        raise InputError(f"{arguments.source[0]}: is a mesh or beside one; give a mesh alone")
+    others = ("level", "levels", "plane", "labels", "voxel", "proximal", *_roles(arguments), *more)
+    for name in others:
+        if getattr(arguments, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')}: {_NOT_OF_MESHES}")
 
 
 def summary_of_mesh(limb: "Limb") -> str:

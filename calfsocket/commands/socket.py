@@ -84,7 +84,7 @@ _THICKEST = 100
             "--geometry",
             type=Path,
             metavar="FILE",
-            help="socket or outline that it was meshed from: straight sides are laid onto its faces",
+            help="socket or outline that it was meshed from: straight sides are laid onto it",
         ),
     ),
     description="""\

@@ -72,9 +72,15 @@ def read_outlines(
     InputError
         When a file or a name is not understood, or outlines overlap or do not lie in one another.
     """
-    check_tolerance(tolerance)
     said = said or Said()
-    read = read_parts(files, said.side)
+    return section_of(read_parts(files, said.side), said, seen_from, tolerance)
+
+
+def section_of(
+    read: Parts, said: Said, seen_from: View, tolerance: float, axes: Array = _XY
+) -> Section:
+    """Return the section of outlines that were read; `axes` are their +x and +y in space."""
+    check_tolerance(tolerance)
     said = replace(said, side=said.side or read.side)
     remarks = list(read.remarks)
     drawn = _named(read, remarks)
@@ -91,7 +97,7 @@ def read_outlines(
     _check_overlaps(roles, bodies, paths, tolerance)
     centre = np.array(shapely.Polygon(drawn["skin"][1].points).centroid.coords[0])
     about = {name: translate(bodies[name], *-centre) for name in ("skin", *roles.bones)}
-    front, turn, found = front_of(_listed(list(read.files)), about, said, seen_from)
+    front, turn, found = front_of(_listed(list(read.files)), about, said, seen_from, axes)
     rotation = np.array([[front[1], -front[0]], [front[0], front[1]]])
     data = {name: (each.points - centre) @ rotation.T for name, (_, each) in drawn.items()}
     outlines = {

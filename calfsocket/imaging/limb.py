@@ -14,7 +14,7 @@ from calfsocket.imaging.drawing import read_outlines
 from calfsocket.imaging.labels import read_labels
 from calfsocket.imaging.lumped import SKIN_THICKNESS, lumped
 from calfsocket.imaging.mesh_sets import read_sets
-from calfsocket.imaging.meshed import limb_of_mesh
+from calfsocket.imaging.meshed import limb_of_mesh, section_of_mesh
 from calfsocket.imaging.plane import Level
 from calfsocket.imaging.plane_mesh import ON_CURVE
 from calfsocket.imaging.section import TOLERANCE, Section, section
@@ -248,9 +248,11 @@ class Limb(meshes.Limb):
         anterior: str | None = None,
         fixed: str | None = None,
         geometry: meshes.Limb | Path | str | None = None,
-        tolerance: float = ON_CURVE,
+        tolerance: float | None = None,
+        outlines: bool = False,
+        **filling: Any,
     ) -> Self:
-        """Make a limb of a plane mesh, which is solved as it is.
+        """Make a limb of a plane mesh, which is solved as it is, or of its outlines alone.
 
         Parameters
         ----------
@@ -277,25 +279,39 @@ class Limb(meshes.Limb):
             A limb, its file, or the file of an outline, in the axes of the mesh: straight sides
             between nodes of its curves are laid onto them.
         tolerance
-            Largest distance of those nodes from the curves, mm.
+            Largest distance of those nodes from the curves, mm (default 0.02); of smooth curves
+            from the outlines (default 0.2).
+        outlines
+            Whether the outlines of the regions alone are used, as those of `from_outlines` are, so
+            that the limb is meshed here.
+        **filling
+            With outlines: as of `from_surface`.
 
         Raises
         ------
         InputError
             One line: file, place, and what to do.
         """
-        made = limb_of_mesh(
-            path,
-            read_sets(Path(sets)) if isinstance(sets, Path | str) else sets,
-            units=units,
-            data=data,
-            said=Said(side, None, anterior),
-            seen_from=seen_from,
-            fixed=fixed,
-            geometry=geometry,
-            tolerance=tolerance,
-        )
-        return cls._of(made.limb)
+        table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
+        said = Said(side, None, anterior)
+        if not outlines:
+            for name in filling:
+                raise InputError(f"{name}: belongs to outlines, not to a mesh that is solved as it"
+                                 " is; add outlines = True")  # fmt: skip
+            within = ON_CURVE if tolerance is None else tolerance
+            made = limb_of_mesh(
+                path, table, units=units, data=data, said=said, seen_from=seen_from, fixed=fixed,
+                geometry=geometry, tolerance=within,
+            )  # fmt: skip
+            return cls._of(made.limb)
+        for name, value in (("fixed", fixed), ("geometry", geometry)):
+            if value is not None:
+                raise InputError(f"{name}: belongs to a mesh that is solved as it is; leave it out")
+        part = section_of_mesh(
+            path, table, units=units, data=data, said=said, seen_from=seen_from,
+            tolerance=TOLERANCE if tolerance is None else tolerance,
+        )  # fmt: skip
+        return cls._of(imported(part, filling).limb)
 
     @classmethod
     def _of(cls, limb: meshes.Limb) -> Self:

@@ -13,11 +13,13 @@ from shapely.geometry.base import BaseGeometry
 
 import calfsocket
 from calfsocket.imaging.anatomy import Said
-from calfsocket.imaging.drawing import front_of
+from calfsocket.imaging.drawing import front_of, section_of
+from calfsocket.imaging.mesh_outlines import outlines_of
 from calfsocket.imaging.mesh_reader import ReadMesh, read_mesh
 from calfsocket.imaging.mesh_sets import Assigned, Sets, assigned
 from calfsocket.imaging.plane import Plane
 from calfsocket.imaging.plane_mesh import ON_CURVE, Loop, PlaneMesh, curved, plane_mesh
+from calfsocket.imaging.section import TOLERANCE, Section
 from calfsocket.imaging.source import sha256
 from calfsocket.imaging.surface import UNITS, check_size
 from calfsocket.io.errors import InputError, error_context
@@ -35,6 +37,8 @@ from calfsocket.meshes.triangles import TriangleMesh
 #: An origin that is closer to the middle of the skin than this share of its mean radius stays:
 #: polar angles about the two differ by less than 6 degrees.
 _CENTRED = 0.1
+#: Holes that a message lists.
+_LISTED = 6
 #: What `fixed` calls all holes.
 HOLES = "holes"
 #: Names of the curves of a limb with a mesh.
@@ -82,7 +86,6 @@ def limb_of_mesh(
     read, parts = _read(path, sets, units, data)
     names = list(parts.regions)
     mesh = plane_mesh(read, parts.of, names, units)
-    check_size(str(path), np.pad(mesh.points, ((0, 0), (0, 1))), units)
     remarks = list(mesh.remarks)
     loops = mesh.loops
     _check_skin(mesh, loops[0], parts)
@@ -110,7 +113,7 @@ def limb_of_mesh(
         )
         limb = Limb.model_validate(
             {
-                "title": read.path.name,
+                "title": f"Limb of {read.path.name}",
                 "units": "mm, deg",
                 "side": said.side,
                 "seen_from": frame.view(said.side) if said.side and frame.known else None,
@@ -139,6 +142,31 @@ def limb_of_mesh(
         for number, loop in enumerate(loops)
     }
     return MeshedLimb(limb, outlines)
+
+
+def section_of_mesh(
+    path: Path | str,
+    sets: Sets | None = None,
+    *,
+    units: str = "mm",
+    data: str | None = None,
+    said: Said | None = None,
+    seen_from: View = "above",
+    tolerance: float = TOLERANCE,
+) -> Section:
+    """Return the outlines of a mesh's regions alone, as a section that was drawn.
+
+    Raises
+    ------
+    InputError
+        One line: file, place, and what to do.
+    """
+    read, parts = _read(path, sets, units, data)
+    mesh = plane_mesh(read, parts.of, list(parts.regions), units)
+    _check_skin(mesh, mesh.loops[0], parts)
+    outlines = outlines_of(mesh, read.path, parts.regions)
+    axes = np.stack([mesh.plane.x, mesh.plane.y])
+    return section_of(outlines, said or Said(), seen_from, tolerance, axes)
 
 
 def socket_of_mesh(
@@ -214,7 +242,10 @@ def _read(
     read = read_mesh(path, data)
     a, b, c = read.points[read.cells[:, :3]].transpose(1, 0, 2) * UNITS[units]
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return read, assigned(read, sets, area, keep)
+    parts = assigned(read, sets, area, keep)
+    corners = read.points[read.cells[parts.of >= 0, :3]].reshape(-1, 3)
+    check_size(str(path), corners * UNITS[units], units, keep or "limb")
+    return read, parts
 
 
 def _plane_of(limb: meshes.Limb) -> Plane:
@@ -307,13 +338,15 @@ def _fixed(
     if in_bone:
         loop, name = min(in_bone, key=lambda each: (not _is_main(each[1]), each[0].area))
         remarks.append(f"fixed at the hole in {name}, its marrow cavity")
+        if free := [other for other, _ in holes if other is not loop]:
+            remarks.append(f"holes that are free to deform: {_places(free)}")
         return loop.sides, name
     if len(holes) == 1:
         loop, name = holes[0]
         remarks.append(f"fixed at its hole, in {name}, of {-loop.area:.4g} mm^2")
         return loop.sides, name
     if holes:
-        places = ", ".join(f"{xy(loop.centre)} ({-loop.area:.4g} mm^2)" for loop, _ in holes[:6])
+        places = _places([loop for loop, _ in holes])
         raise InputError(
             f"{mesh.name}: which of its holes is the limb fixed at? they are at {places}: say"
             f" --fixed {HOLES} for all of them, or the name of a set of nodes or edges"
@@ -329,6 +362,13 @@ def _fixed(
     name = min(bones, key=lambda each: (not _is_main(each), -area[each]))
     remarks.append(f"fixed at the surface of {name}, which has no hole")
     return outer_sides(mesh.cells[mesh.regions == names.index(name)]), ""
+
+
+def _places(holes: Sequence[Loop]) -> str:
+    """Say where holes are, the largest first, and how large."""
+    words = [f"{xy(hole.centre)} ({-hole.area:.4g} mm^2)" for hole in holes[::-1]]
+    more = f" and {len(words) - _LISTED} more" if len(words) > _LISTED else ""
+    return ", ".join(words[:_LISTED]) + more
 
 
 def _is_main(name: str) -> bool:
