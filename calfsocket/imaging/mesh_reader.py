@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 
 #: Ends of names.
 SUFFIXES = (".msh", ".inp", ".vtu", ".vtk")
+#: How a file that is not understood is written anew.
+_AGAIN = {
+    ".msh": "export it again, as version 2.2 or 4.1, its physical groups alone (Mesh.SaveAll = 0)",
+    ".vtu": "save it again, with numbers in the file itself",
+    ".vtk": "save it as .vtu",
+}
 #: Largest file, bytes: some million triangles.
 MAX_BYTES = 200_000_000
 #: Arrays of numbers of cells that say the region, where there are several, in lower case.
@@ -115,6 +121,8 @@ def _by_meshio(
 ) -> tuple[Array, list[Block], dict[str, NDArray[np.int64]], dict[str, NDArray[np.int64]]]:
     """Return points, plane cells, sets of them, and nodes of named edges."""
     mesh = _read(path)
+    if not np.size(mesh.points):
+        raise InputError(f"{path}: has no nodes; {_AGAIN[path.suffix.lower()]}")
     points: Array = np.asarray(mesh.points, dtype=np.float64).reshape(len(mesh.points), -1)
     points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     flat = [number for number, cells in enumerate(mesh.cells) if cells.type in NODES]
@@ -167,13 +175,11 @@ def _read(path: Path) -> "meshio.Mesh":
             return meshio.read(path)
     # Whatever a reader of many formats runs into; meshio itself exits where it gives up.
     except (Exception, SystemExit) as error:
-        why = " ".join(str(error).split()) if isinstance(error, Exception) else ""
-        kind = path.suffix.lower().removeprefix(".")
-        reason = f" ({why[:150]})" if why else ""
-        raise InputError(
-            f"{path}: cannot be read as .{kind}{reason}; export it again, with its physical groups"
-            " or sets alone"
-        ) from None
+        # Before it exits it has printed why, and then that it could not read the file.
+        why = str(error) if isinstance(error, Exception) else said.getvalue().partition("Error:")[0]
+        reason = f" ({' '.join(why.split())[:150]})" if why.strip() else ""
+        kind = path.suffix.lower()
+        raise InputError(f"{path}: cannot be read as {kind}{reason}; {_AGAIN[kind]}") from None
 
 
 def _members(members: "NDArray[np.integer] | None") -> NDArray[np.int64]:

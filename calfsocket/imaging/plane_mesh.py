@@ -16,7 +16,7 @@ from calfsocket.imaging.plane import Plane
 from calfsocket.imaging.surface import UNITS
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import SAME_POINT, Array, ClosedCurve, xy
-from calfsocket.meshes.given import outer_sides, sides
+from calfsocket.meshes.given import MOST_TRIANGLES, outer_sides, sides
 from calfsocket.meshes.quality import scaled_jacobians, smallest_angles
 
 #: How far nodes may leave their plane, mm: what single precision leaves of a limb in metres.
@@ -222,6 +222,11 @@ def plane_mesh(
         When it is not flat, a triangle is inverted or a needle, or nodes do not fit.
     """
     points, cells = read.points * UNITS[units], read.cells[of >= 0]
+    if len(cells) > MOST_TRIANGLES:
+        raise InputError(
+            f"{read.path}: has {len(cells)} triangles; {MOST_TRIANGLES} at most are solved: mesh it"
+            " more coarsely"
+        )
     remarks: list[str] = []
     if read.split:
         remarks.append(f"{read.split} quadrilaterals were split along their shorter diagonals")
