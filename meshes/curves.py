@@ -83,7 +83,12 @@ class ClosedCurve:
         return cross / np.linalg.norm(velocity, axis=-1) ** 3
 
     def direction(self, points: Array) -> Array:
-        """Return the unit tangents at the nearest points of the curve, shape (n, 2) as `points`.
+        """Return the unit tangents at the nearest points of the curve, shape (n, 2) as `points`."""
+        velocity = self.evaluate(self.nearest(points), 1)
+        return velocity / np.linalg.norm(velocity, axis=1)[:, None]
+
+    def nearest(self, points: Array) -> Array:
+        """Return the parameters of the nearest points of the curve, (n, 2) -> (n,).
 
         From the nearest of close samples by Newton's method for (x - c(t)) . c'(t) = 0, which
         `FOOT_ITERATIONS` bring to rounding.
@@ -94,8 +99,7 @@ class ClosedCurve:
             away, velocity = points - self.evaluate(t), self.evaluate(t, 1)
             slope = np.sum(away * self.evaluate(t, 2) - velocity**2, axis=1)
             t = (t - np.sum(away * velocity, axis=1) / slope) % self.period
-        velocity = self.evaluate(t, 1)
-        return velocity / np.linalg.norm(velocity, axis=1)[:, None]
+        return t
 
     def integrate(self, integrand: Callable[[Array], Array]) -> float:
         """Integrate a function of t over the period with four Gauss points a knot interval."""

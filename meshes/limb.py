@@ -14,7 +14,9 @@ from pydantic import (
     Field,
     PositiveFloat,
     PositiveInt,
+    SerializerFunctionWrapHandler,
     field_validator,
+    model_serializer,
     model_validator,
 )
 from scipy.spatial import cKDTree
@@ -33,6 +35,7 @@ from calfsocket.meshes.curves import (
     polar_angle,
 )
 from calfsocket.meshes.frame import Direction, Frame, View
+from calfsocket.meshes.given import GivenMesh
 
 Tissue = Literal["skin", "fat", "fascia", "muscle", "bone", "vessel"]
 Units = Literal["mm, deg"]
@@ -116,7 +119,9 @@ class Layers(Strict):
 
 
 class Region(Strict):
-    """What lies inside the outer curve and outside the holes.
+    """What lies inside the outer curve and outside the holes, or the triangles of its number.
+
+    A limb with a mesh of its own needs no outer curves.
 
     The number `id` is the next free one unless given. An `area`, mm^2, is compared with that of the
     curves, so that a slip in a point is found. Where the limb was made from a source, `origin` says
@@ -128,7 +133,7 @@ class Region(Strict):
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     tissue: Tissue
     area: PositiveFloat | None = None
-    outer: str
+    outer: str = ""
     holes: tuple[str, ...] = ()
     origin: Origin | None = None
     deviation_mm: Annotated[float, Field(ge=0)] | None = None
@@ -136,7 +141,7 @@ class Region(Strict):
     @property
     def loops(self) -> tuple[str, ...]:
         """Names of all curves that bound the region, the outer one first."""
-        return (self.outer, *self.holes)
+        return tuple(name for name in (self.outer, *self.holes) if name)
 
 
 class Provenance(Strict):
@@ -210,6 +215,9 @@ class Limb(Strict):
         Keys of the file that nothing is computed from (`notices` names them).
     source : Provenance, optional
         What it was made from.
+    mesh : GivenMesh, optional
+        A mesh that was made elsewhere and is solved as it is. Its regions need no curves; the
+        curve of the skin is what sockets are made for.
     """
 
     title: str = "A limb"
@@ -224,6 +232,15 @@ class Limb(Strict):
     regions: Annotated[tuple[Region, ...], Field(min_length=1)]
     remarks: tuple[str, ...] = ()
     source: Provenance | None = None
+    mesh: GivenMesh | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, dumped: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what few limbs have, so that the others are written as before."""
+        content: dict[str, Any] = dumped(self)
+        if content.get("mesh", self) is None:
+            del content["mesh"]
+        return content
 
     @model_validator(mode="before")
     @classmethod
@@ -297,7 +314,7 @@ class Limb(Strict):
         if kind := kind_of(path):
             raise InputError(
                 f"{path}: is {kind}; a limb is a JSON file, which `python3 -m calfsocket limb`"
-                " makes of scans, label maps and outlines: see its --help"
+                " makes of scans, label maps, outlines and meshes: see its --help"
             )
         return read_json(path, cls)
 
@@ -348,10 +365,15 @@ class Limb(Strict):
                 yield f"{place}.id: {region.id} is reserved; choose one below {tags.SOCKET_ID}"
             if region.name in (tags.SOCKET, tags.LINER):
                 yield f"{place}.name: reserved for the socket; choose another"
+        if self.mesh is not None:
+            yield from self._mesh_problems(self.mesh)
+            return
         owner: dict[str, str] = {}
         hole_of: dict[str, str] = {}
         for region in self.regions:
             place = f"regions.{region.name}"
+            if not region.outer:
+                yield f"{place}.outer: is missing; add it"
             for loop in region.loops:
                 if loop not in self.curves:
                     yield f"{place}: no curve '{loop}'; {nearest(loop, self.curves)}"
@@ -377,6 +399,20 @@ class Limb(Strict):
                 f" the hole of no region; these are: {', '.join(outside) or 'none'}"
             )
 
+    def _mesh_problems(self, mesh: GivenMesh) -> Iterator[str]:
+        """Yield what of a mesh of its own does not fit the regions."""
+        if self.contact_boundary not in self.curves:
+            yield f"contact_boundary: no curve '{self.contact_boundary}'; add that of the skin"
+        for name in (tags.SKIN_SURFACE, tags.TIBIA_MEDULLARY):
+            if name not in mesh.boundaries:
+                yield f"mesh.boundaries: '{name}' is missing; import the mesh again"
+        numbers = {int(number) for number in np.unique(mesh.cell_tags)}
+        known = {region.id: region.name for region in self.regions}
+        for number in sorted(numbers - set(known)):
+            yield f"mesh.regions: has triangles of a region {number}, which is not listed"
+        for number in sorted(set(known) - numbers):
+            yield f"regions.{known[number]}: has no triangles; remove it"
+
     @property
     def tissues(self) -> dict[str, str]:
         """Region name -> tissue."""
@@ -399,8 +435,36 @@ class Limb(Strict):
 
     @property
     def areas(self) -> dict[str, float]:
-        """Region name -> area between its curves, mm^2."""
+        """Region name -> area between its curves, or of its triangles, mm^2."""
         return _areas(self, limb_curves(self))
+
+    def bodies(self, step: float) -> dict[str, shapely.Polygon | shapely.MultiPolygon]:
+        """Return the area of each region, its curves sampled every `step` mm."""
+        if self.mesh is not None:
+            return {region.name: self.mesh.body(region.id) for region in self.regions}
+        loops = {name: c.evaluate(c.sample(step)) for name, c in limb_curves(self).items()}
+        return {
+            region.name: shapely.Polygon(
+                loops[region.outer], [loops[hole] for hole in region.holes]
+            )
+            for region in self.regions
+        }
+
+    def hard_edges(self, step: float) -> Array:
+        """Return pieces of the outlines of what does not give way, shape (n, 2, 2), mm.
+
+        Of bones and where the limb is fixed; curves are sampled every `step` mm.
+        """
+        if self.mesh is not None:
+            bones = [each.id for each in self.regions if each.tissue == "bone"]
+            return np.concatenate([self.mesh.outline(bones), self.mesh.edges(tags.TIBIA_MEDULLARY)])
+        loops = limb_curves(self)
+        hard = [region.outer for region in self.regions if region.tissue == "bone"]
+        points = [loops[name].evaluate(loops[name].sample(step)) for name in
+                  (*hard, self.fixed_boundary)]  # fmt: skip
+        return np.concatenate(
+            [np.stack([each, np.roll(each, -1, axis=0)], axis=1) for each in points]
+        )
 
     def notices(self) -> Iterator[str]:
         """Yield what whoever wrote the file should know, a line each; nothing is wrong with it."""
@@ -416,9 +480,13 @@ class Limb(Strict):
             )
         elif self.side and not self.seen_from and self.frame.view(self.side) == "below":
             yield f"with these axes it is a {self.side} limb seen from below"
+        if self.mesh is not None:
+            of = f"that of {', '.join(self.source.files)}" if self.source else "its own"
+            yield f"its mesh, {len(self.mesh.cell_tags)} triangles, is {of}, solved as it is"
         if self.remarks:
             yield f"nothing is computed from {', '.join(self.remarks)}"
         used = {name for region in self.regions for name in region.loops}
+        used |= {self.contact_boundary}
         used |= {each.of for each in self.curves.values() if isinstance(each, OffsetCurve)}
         if unused := [name for name in self.curves if name not in used]:
             yield f"curves that bound no region: {', '.join(unused)}"
@@ -434,11 +502,14 @@ def _curve(limb: Limb, name: str) -> ClosedCurve:
 
 def limb_curves(limb: Limb) -> dict[str, ClosedCurve]:
     """Return the curves that bound regions, by name; unused ones of the file are left out."""
-    used = {name for region in limb.regions for name in region.loops}
+    used = {name for region in limb.regions for name in region.loops} | {limb.contact_boundary}
     return {name: _curve(limb, name) for name in limb.curves if name in used}
 
 
 def _areas(limb: Limb, loops: Mapping[str, ClosedCurve]) -> dict[str, float]:
+    if limb.mesh is not None:
+        of = limb.mesh.areas
+        return {region.name: of[region.id] for region in limb.regions}
     return {
         region.name: loops[region.outer].area - sum(loops[hole].area for hole in region.holes)
         for region in limb.regions
@@ -479,12 +550,19 @@ def _check_frame(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
 def _fibula(limb: Limb, loops: Mapping[str, ClosedCurve]) -> Array | None:
     """Return the way from the tibia to the fibula, where the limb has both."""
     middle = {
-        name: np.mean(loops[region.outer].evaluate(loops[region.outer].sample(1.0)), axis=0)
+        name: _middle(limb, region, loops)
         for region in limb.regions
         for name in ("tibia", "fibula")
         if region.tissue == "bone" and name in region.name
     }
     return middle["fibula"] - middle["tibia"] if len(middle) == 2 else None
+
+
+def _middle(limb: Limb, region: Region, loops: Mapping[str, ClosedCurve]) -> Array:
+    if limb.mesh is not None:
+        return np.array(limb.mesh.body(region.id).centroid.coords[0])
+    outer = loops[region.outer]
+    return np.mean(outer.evaluate(outer.sample(1.0)), axis=0)
 
 
 def _can_be_fibula(frame: Frame, place: Array) -> bool:
@@ -530,6 +608,8 @@ def _check_nesting(limb: Limb, loops: Mapping[str, ClosedCurve]) -> None:
             f"curves.{limb.contact_boundary}: does not enclose the origin, about which"
             " angles are measured; shift all curves so that it does"
         )
+    if limb.mesh is not None:
+        return
     trees = {name: cKDTree(points) for name, points in samples.items()}
     boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in samples.items()}
     for name, other in combinations(samples, 2):

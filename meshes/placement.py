@@ -9,9 +9,10 @@ from scipy.optimize import least_squares
 
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes.curves import Array, ClosedCurve
-from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining, fitted
-from calfsocket.meshes.socket import Outline, Socket
+from calfsocket.meshes.sizing import SIZES, AdaptiveSize, MeshSize
+from calfsocket.meshes.socket import MeshedSocket, Outline, Socket
 
 #: Distance of the points of the skin that are looked at, mm.
 SKIN_STEP = 0.25
@@ -86,8 +87,48 @@ def check_placement(
         return _placement(socket, limb, floating, liner)
 
 
+def with_own_mesh(limb: Limb, socket: Socket) -> dict[str, bool]:
+    """Return which of limb and socket has a mesh of its own, which is solved as it is."""
+    return {"limb": limb.mesh is not None, "socket": isinstance(socket, MeshedSocket)}
+
+
+def check_size_of_rest(limb: Limb, socket: Socket, size: MeshSize | AdaptiveSize) -> None:
+    """Check that a mesh size changes no mesh that a limb or a socket has of its own.
+
+    Raises
+    ------
+    InputError
+        For a number of triangles, and for a mesh that a solution refines.
+    """
+    own = " and ".join(name for name, has in with_own_mesh(limb, socket).items() if has)
+    if own and (isinstance(size, AdaptiveSize) or size.triangles is not None):
+        has = "have meshes of their own" if " and " in own else "has a mesh of its own"
+        raise InputError(
+            f"is {size.name}, but the {own} {has}, which is solved as it is; give"
+            f" {', '.join(SIZES)}, the size of what is meshed besides"
+        )
+
+
+def check_liner_between(limb: Limb, socket: Socket, liner: Lining | None) -> None:
+    """Check that a liner is bonded to no mesh that a limb or a socket has of its own.
+
+    Raises
+    ------
+    InputError
+        Where it is: it would share the nodes of that mesh.
+    """
+    own = with_own_mesh(limb, socket)
+    if liner is None or not own[liner.bonded]:
+        return
+    other = "socket" if liner.bonded == "limb" else "limb"
+    remedy = f"bond it to the {other}" if not own[other] else "leave the liner out"
+    raise InputError(
+        f"is '{liner.bonded}', but the {liner.bonded} has a mesh of its own, and a liner shares the"
+        f" nodes of what it is bonded to; {remedy}, or import outlines in the place of the mesh"
+    )
+
+
 def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None) -> Placement:
-    loops = limb_curves(limb)
     fit = fitted(limb, socket, liner)
     skin, inner = fit.surface, fit.face
     at = limb.frame.at
@@ -107,7 +148,7 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
             f"does not press on the limb: its inner face is at least {-overlap[most]:.2f} mm away"
             f" from the skin (closest at {at(points[most])}); {socket.tighter}{aside}"
         )
-    squeezed = overlap / _soft_tissue(points, limb, loops)
+    squeezed = overlap / _soft_tissue(points, limb)
     worst = int(np.argmax(squeezed))
     if squeezed[worst] >= 1:
         over = "soft tissue and liner" if fit.surface is fit.lining else "soft tissue"
@@ -119,7 +160,7 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
             f" move it{thinner}{aside}"
         )
     area_reduction = 1 - inner.area / skin.area
-    if liner and (left := _room_left(limb, loops, skin, inner)) < LEAST_ROOM:
+    if liner and (left := _room_left(limb, skin, inner)) < LEAST_ROOM:
         raise InputError(
             f"leaves soft tissue and a liner of {liner.thickness:g} mm"
             f" {100 * max(left, 0):.0f} % of their area, and they lose"
@@ -140,13 +181,11 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
     )
 
 
-def _room_left(
-    limb: Limb, loops: dict[str, ClosedCurve], surface: ClosedCurve, face: ClosedCurve
-) -> float:
+def _room_left(limb: Limb, surface: ClosedCurve, face: ClosedCurve) -> float:
     """Return the area within a face over that within a surface, both without what is hard."""
     areas = limb.areas
-    hard = sum(areas[region.name] for region in limb.regions if region.tissue == "bone")
-    hard += loops[limb.fixed_boundary].area
+    soft = sum(areas[region.name] for region in limb.regions if region.tissue != "bone")
+    hard = limb.skin.area - soft
     return (face.area - hard) / (surface.area - hard)
 
 
@@ -184,25 +223,18 @@ def _check_grip(socket: Socket, lost: float, points: Array, face: Array) -> None
 
 def _overlap(points: Array, face: Array) -> Array:
     """Return how deep points lie outside a closed polygon, shape (n,), negative inside it."""
-    overlap = _distance(points, face)
+    overlap = _distance(points, np.stack([face, np.roll(face, -1, axis=0)], axis=1))
     overlap[shapely.contains_xy(shapely.Polygon(face), *points.T)] *= -1
     return overlap
 
 
-def _distance(points: Array, *polygons: Array) -> Array:
-    """Return the distance of points from the nearest of closed polygons, shape (n,)."""
-    ends = [np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1) for polygon in polygons]
-    edges = shapely.linestrings(np.concatenate(ends))
-    nearest = shapely.STRtree(np.asarray(edges)).query_nearest(
-        shapely.points(points), return_distance=True, all_matches=False
-    )
+def _distance(points: Array, edges: Array) -> Array:
+    """Return the distance of points from the nearest of straight edges (n, 2, 2), shape (n,)."""
+    tree = shapely.STRtree(np.asarray(shapely.linestrings(edges)))
+    nearest = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
     return np.asarray(nearest[1])
 
 
-def _soft_tissue(points: Array, limb: Limb, loops: dict[str, ClosedCurve]) -> Array:
+def _soft_tissue(points: Array, limb: Limb) -> Array:
     """Return the distance from points of the skin to what does not give way, shape (n,), mm."""
-    hard = [region.outer for region in limb.regions if region.tissue == "bone"]
-    hard.append(limb.fixed_boundary)
-    return _distance(
-        points, *(loops[name].evaluate(loops[name].sample(CURVE_STEP)) for name in hard)
-    )
+    return _distance(points, limb.hard_edges(CURVE_STEP))

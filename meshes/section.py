@@ -15,14 +15,16 @@ from calfsocket.io.system import gmsh
 from calfsocket.meshes import gmsh_model, sizing, store, tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.distributed import SectionMesh, distribute
+from calfsocket.meshes.given import joined
 from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.lining import Lining, fitted
+from calfsocket.meshes.placement import check_liner_between, check_size_of_rest
 from calfsocket.meshes.plate import Plate, add_plate
 from calfsocket.meshes.quality import quality_table
 from calfsocket.meshes.refinement import RefinedSizes, Refinement
 from calfsocket.meshes.sizing import MeshSize, SizeField, Sizes
 from calfsocket.meshes.smoothing import smooth
-from calfsocket.meshes.socket import Socket
+from calfsocket.meshes.socket import MeshedSocket, Socket
 from calfsocket.meshes.triangles import EQUILATERAL_AREA, SUBDIVISION, TriangleMesh
 
 
@@ -61,9 +63,24 @@ def build(
     liner: Lining | None = None,
     refinement: Refinement | None = None,
 ) -> TriangleMesh:
-    """Mesh a limb and a socket on this process; the same input gives the same arrays."""
+    """Mesh a limb and a socket on this process; the same input gives the same arrays.
+
+    A body with a mesh of its own keeps it.
+    """
+    check_size_of_rest(limb, socket, size)
+    check_liner_between(limb, socket, liner)
+    given = []
+    if limb.mesh is not None:
+        given.append(limb.mesh.triangles(limb.region_tags))
+    if isinstance(socket, MeshedSocket):
+        given.append(socket.mesh.triangles({tags.SOCKET: tags.SOCKET_ID}))
+    if len(given) == 2:
+        return joined(*given)
     with _Section(limb, socket, liner, refinement).meshed(size) as mesh:
-        return smooth(mesh)
+        made = smooth(mesh)
+    if not given:
+        return made
+    return joined(given[0], made) if limb.mesh is not None else joined(made, given[0])
 
 
 def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
@@ -72,6 +89,8 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
     The file appears whole or not at all, and the same input gives the same bytes.
     """
     path = Path(path)
+    if limb.mesh is not None or isinstance(socket, MeshedSocket):
+        raise InputError("has a mesh of its own; write the case by `calfsocket export` instead")
     if path.suffix != ".msh":
         raise InputError(f"{path}: meshes are gmsh files; use a name that ends in .msh")
     if not path.parent.is_dir():
@@ -94,7 +113,10 @@ def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) 
 
 
 class _Section:
-    """A limb, a socket and perhaps a liner between them, to be meshed."""
+    """A limb, a socket and perhaps a liner between them, to be meshed.
+
+    One of the two bodies may have a mesh of its own; it is left out.
+    """
 
     def __init__(
         self,
@@ -104,6 +126,8 @@ class _Section:
         refinement: Refinement | None = None,
     ) -> None:
         self._limb, self._liner = limb, liner
+        self._has_limb = limb.mesh is None
+        self._has_socket = not isinstance(socket, MeshedSocket)
         self._fit = fit = fitted(limb, socket, liner)
         self._loops = limb_curves(limb)
         faces, meets, loops = [fit.inner, fit.outer], limb.contact_boundary, self._loops
@@ -113,16 +137,23 @@ class _Section:
                 loops = {**loops, meets: fit.lining}
             else:
                 faces.insert(0, fit.lining)
-        self._limb_sizes: Sizes = sizing.LimbSizes(loops, meets)
-        self._socket_faces = sizing.SocketSizes(*faces, skin=loops[meets])
-        self._socket_sizes: Sizes = self._socket_faces
-        self._is_refined = refinement is not None
+        socket_faces = sizing.SocketSizes(*faces, skin=loops[meets])
+        #: On the limb's side, and on the socket's, of those that are meshed here.
+        self._body_sizes: list[Sizes] = []
+        if self._has_limb:
+            self._body_sizes.append(sizing.LimbSizes(loops, meets))
+        if self._has_socket:
+            self._body_sizes.append(socket_faces)
+        #: Of a refined mesh, in which both are meshed here.
+        self._faces_to_match: sizing.SocketSizes | None = None
         if refinement is not None:
-            self._limb_sizes = RefinedSizes(refinement.first, self._limb_sizes, refinement.limb)
-            self._socket_sizes = RefinedSizes(
-                refinement.first, self._socket_sizes, refinement.socket
-            )
-        self._fields: tuple[MeshSize | None, tuple[SizeField, SizeField] | None] = (None, None)
+            wanted = refinement.limb, refinement.socket
+            self._body_sizes = [
+                RefinedSizes(refinement.first, own, its)
+                for own, its in zip(self._body_sizes, wanted, strict=True)
+            ]
+            self._faces_to_match = socket_faces
+        self._fields: tuple[MeshSize | None, list[SizeField]] = (None, [])
 
     @contextmanager
     def meshed(self, size: MeshSize) -> Iterator[TriangleMesh]:
@@ -142,14 +173,14 @@ class _Section:
                 count(size)
             yield found[-1]
 
-    def _sizes(self, size: MeshSize) -> tuple[SizeField, SizeField]:
+    def _sizes(self, size: MeshSize) -> list[SizeField]:
         """Sizes on the limb's side and on the socket's; those of the last size are kept."""
-        if size != self._fields[0] or self._fields[1] is None:
-            on_limb, on_socket = self._limb_sizes.field(size), self._socket_sizes.field(size)
-            if self._is_refined:
-                on_socket = self._socket_faces.matched(on_socket, on_limb, size)
-            self._fields = size, (on_limb, on_socket)
-            return on_limb, on_socket
+        if size != self._fields[0]:
+            fields = [sizes.field(size) for sizes in self._body_sizes]
+            if self._faces_to_match is not None:
+                on_limb, on_socket = fields
+                fields = [on_limb, self._faces_to_match.matched(on_socket, on_limb, size)]
+            self._fields = size, fields
         return self._fields[1]
 
     def _room(self, mesh: TriangleMesh, size: MeshSize) -> float:
@@ -174,11 +205,17 @@ class _Section:
         A liner shares its nodes with what it is bonded to. The nodes are gmsh's, before `smooth`.
         """
         limb, fit, liner = self._limb, self._fit, self._liner
-        surfaces, boundaries = _add_limb(limb, self._loops)
-        limb_surfaces = list(surfaces.values())
-        inner_edge, outer_edge = [gmsh_model.add_loop(fit.inner)], [gmsh_model.add_loop(fit.outer)]
-        surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
-        socket_surfaces = [surfaces[tags.SOCKET]]
+        surfaces: dict[str, int] = {}
+        boundaries: dict[str, list[int]] = {}
+        if self._has_limb:
+            surfaces, boundaries = _add_limb(limb, self._loops)
+        limb_surfaces, socket_surfaces = list(surfaces.values()), list[int]()
+        if self._has_socket:
+            inner_edge = [gmsh_model.add_loop(fit.inner)]
+            outer_edge = [gmsh_model.add_loop(fit.outer)]
+            surfaces[tags.SOCKET] = gmsh_model.add_region(outer_edge, inner_edge)
+            socket_surfaces.append(surfaces[tags.SOCKET])
+            boundaries |= {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge}
         if liner is not None and fit.lining is not None:
             edge = [gmsh_model.add_loop(fit.lining)]
             boundaries[tags.LINER_SURFACE] = edge
@@ -188,15 +225,13 @@ class _Section:
             else:
                 surfaces[tags.LINER] = gmsh_model.add_region(inner_edge, edge)
                 socket_surfaces.append(surfaces[tags.LINER])
-        on_limb, on_socket = self._sizes(size)
+        bodies = [parts for parts in (limb_surfaces, socket_surfaces) if parts]
+        fields = list(zip(self._sizes(size), bodies, strict=True))
         with tempfile.TemporaryDirectory() as folder:
             gmsh_model.mesh(
                 surfaces,
-                boundaries | {tags.SOCKET_INNER: inner_edge, tags.SOCKET_OUTER: outer_edge},
-                lambda: [
-                    _add_size(folder, on_limb, limb_surfaces),
-                    _add_size(folder, on_socket, socket_surfaces),
-                ],
+                boundaries,
+                lambda: [_add_size(folder, field, parts) for field, parts in fields],
                 limb.region_tags,
             )
 
@@ -208,6 +243,8 @@ def plated_limb_mesh(comm: MPI.Comm, limb: Limb, plate: Plate, size: MeshSize) -
 
 def build_plated_limb(limb: Limb, plate: Plate, size: MeshSize) -> TriangleMesh:
     """Mesh a limb and a plate behind it on this process."""
+    if limb.mesh is not None:
+        raise InputError("limb: has a mesh of its own, which no plate is meshed to; give outlines")
     loops = limb_curves(limb)
     skin = loops[limb.contact_boundary]
     t = skin.sample(1.0)

@@ -6,19 +6,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Union
 
 import numpy as np
-from pydantic import Field, GetJsonSchemaHandler, RootModel
+from pydantic import Field, GetJsonSchemaHandler, RootModel, model_validator
 from pydantic_core import CoreSchema
 
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.io.files import write_json
 from calfsocket.io.quantity import Written
-from calfsocket.io.schema import Strict, checked, nearest, read_json, read_toml
+from calfsocket.io.schema import Strict, checked, nearest, parsed_json, read_json, read_toml
 from calfsocket.io.units import ANGLE, LENGTH, SHARE, STRESS
-from calfsocket.meshes import curves
+from calfsocket.meshes import curves, tags
 from calfsocket.meshes.curves import Array, ClosedCurve, Points
 from calfsocket.meshes.drawn import OutlineFile
 from calfsocket.meshes.fairing import TOLERANCE
 from calfsocket.meshes.frame import Frame
+from calfsocket.meshes.given import GivenMesh
 from calfsocket.meshes.limb import Provenance
 
 if TYPE_CHECKING:
@@ -136,10 +137,10 @@ class Socket(Strict):
         """
         path = Path(path)
         if path.suffix.lower() == ".json":
-            file = read_json(path, SectionsFile)
-            return Sections(
-                name=path.stem, title=file.title, sections=file.sections, source=file.source
-            )
+            content = made_in(path)
+            table = {"name": path.stem} | {k: v for k, v in content.items() if k != "units"}
+            table["law"] = "mesh" if "mesh" in content else "sections"
+            return checked(path, table, RootModel[AnySocket], units_required=False).root
         if path.suffix.lower() != ".toml":
             return Socket.from_outline(path)
         content = read_toml(path)
@@ -148,7 +149,7 @@ class Socket(Strict):
                 content,
                 reference_sockets(),
                 lambda name, file: _read_outline(path.parent / name, file),
-                lambda name: sections_in(path.parent / name),
+                lambda name: made_in(path.parent / name),
             )
         table["name"] = content.get("name", path.stem)
         return checked(path, table, RootModel[AnySocket]).root
@@ -517,8 +518,101 @@ class Sections(Socket):
         write_json(Path(path), file.model_dump(mode="json", exclude_none=True))
 
 
+class MeshProvenance(Strict):
+    """Which file a mesh was read from.
+
+    Attributes
+    ----------
+    file, sha256 : str
+        Its name, and its hash.
+    program : str
+        What read it, with its version.
+    notes : tuple of str
+        What was changed.
+    """
+
+    file: str
+    sha256: str
+    program: str
+    notes: tuple[str, ...] = ()
+
+
+class MeshedSocket(Socket):
+    """A wall with a mesh that was made elsewhere, which is solved as it is.
+
+    Attributes
+    ----------
+    mesh : GivenMesh
+        Of the wall.
+    inner, outer : tuple of (x, y)
+        Points of its faces, mm; `placement` sees closed splines through them.
+    source : MeshProvenance, optional
+        The file.
+    """
+
+    law: Literal["mesh"] = "mesh"
+    mesh: GivenMesh
+    inner: Points
+    outer: Points
+    source: MeshProvenance | None = None
+
+    _remedy: ClassVar[str] = "mesh the wall anew"
+    tighter: ClassVar[str] = "check that the mesh is that of the socket, and its place"
+
+    @model_validator(mode="after")
+    def _is_a_wall(self) -> "MeshedSocket":
+        for name in (tags.SOCKET_INNER, tags.SOCKET_OUTER):
+            if name not in self.mesh.boundaries:
+                raise ValueError(f"mesh.boundaries: '{name}' is missing; import the mesh again")
+        if (self.mesh.cell_tags != tags.SOCKET_ID).any():
+            raise ValueError("mesh.regions: has other regions than the wall")
+        return self
+
+    def notices(self) -> Iterator[str]:
+        """Yield which file it is from."""
+        if self.source:
+            yield f"its wall is the mesh of {self.source.file}, as it is"
+
+    def inner_face(self, limb: Wearer) -> ClosedCurve:
+        """Return the spline through its nodes; it is the same for every limb."""
+        return curves.through(self.inner)
+
+    def faces(self, limb: Wearer) -> tuple[ClosedCurve, ClosedCurve]:
+        """Return the splines through the nodes of its faces.
+
+        Raises
+        ------
+        InputError
+            When a face crosses itself.
+        """
+        inner, outer = curves.through(self.inner), curves.through(self.outer)
+        for name, face in (("inner", inner), ("outer", outer)):
+            check_face(face, limb.frame, f"the {name} face crosses itself", self._remedy)
+        return inner, outer
+
+    def write(self, path: Path | str) -> None:
+        """Write it so that `Socket.read` gives it back."""
+        file = MeshFile(
+            units="mm, deg", **{key: getattr(self, key) for key in MeshFile.model_fields
+                                if key != "units"},
+        )  # fmt: skip
+        write_json(Path(path), file.model_dump(mode="json", exclude_none=True))
+
+
+class MeshFile(Strict):
+    """A socket with a mesh of its own, as the command `socket` writes it."""
+
+    title: str = ""
+    units: Literal["mm, deg"]
+    wall_thickness: Annotated[float, Field(gt=0, le=1000)]
+    mesh: GivenMesh
+    inner: Points
+    outer: Points
+    source: MeshProvenance
+
+
 AnySocket = Annotated[
-    Union[NormalOffset, CircleBlend, Outline, Sections],  # noqa: UP007
+    Union[NormalOffset, CircleBlend, Outline, Sections, MeshedSocket],  # noqa: UP007
     Field(discriminator="law"),
 ]
 
@@ -586,9 +680,14 @@ def _read_outline(path: Path, file: OutlineFile) -> "ReadOutline":
     return read_outline(path, file)
 
 
-def sections_in(path: Path) -> dict[str, Any]:
-    """Return the content of a file of the command `socket`, checked."""
-    return read_json(path, SectionsFile).model_dump(mode="json", exclude_none=True)
+def made_in(path: Path) -> dict[str, Any]:
+    """Return the content of a file of the command `socket`, checked: its sections, or a mesh."""
+    content = parsed_json(path)
+    kind: type[Strict] = SectionsFile
+    if isinstance(content, dict) and "mesh" in content:
+        kind = MeshFile
+    file = checked(path, content, kind, units_required=False)
+    return file.model_dump(mode="json", exclude_none=True)
 
 
 _KINDS: dict[str, type[Socket]] = {"normal_offset": NormalOffset, "circle_blend": CircleBlend}
@@ -599,33 +698,34 @@ def resolved(
     table: Any,
     reference: Mapping[str, AnySocket],
     outline: Callable[[str, OutlineFile], "ReadOutline"],
-    sections: Callable[[str], Mapping[str, Any]],
+    made: Callable[[str], Mapping[str, Any]],
 ) -> Any:
     """Return a socket's table as its class has it, its file read and its reference filled in.
 
     Parameters
     ----------
     table
-        With one of the keys `law`, `outline`, `sections` and `like`, as read from TOML.
+        With one of the keys `law`, `outline`, `sections`, `mesh` and `like`, as read from TOML.
     reference : mapping
         Sockets that others may be like.
     outline : callable
         Reads an outline by the name of its file.
-    sections : callable
+    made : callable
         Reads a file of the command `socket` by its name.
 
     Raises
     ------
     InputError
-        When the table is none of the four, or has a key that the socket it is like does not have.
+        When the table is none of the five, or has a key that the socket it is like does not have.
     """
-    known = ("law", "outline", "sections", "like")
+    known = ("law", "outline", "sections", "mesh", "like")
     ways = [key for key in known if isinstance(table, dict) and key in table]
     if len(ways) != 1 or (ways == ["law"] and str(table["law"]) not in _KINDS):
         *some, last = map(repr, reference)
         raise InputError(
             "is not a socket; give exactly one of law = 'normal_offset' or 'circle_blend', "
-            f"outline = 'FILE', sections = 'FILE', like = {', '.join(some)} or {last}"
+            f"outline = 'FILE', sections = 'FILE', mesh = 'FILE', like = {', '.join(some)} or"
+            f" {last}"
         )
     if ways == ["law"]:
         return table
@@ -644,12 +744,24 @@ def resolved(
     if ways == ["sections"]:
         if "source" in changed:
             raise InputError(f"source: comes from the file {source}; remove it")
-        content = sections(source)
+        content = made(source)
+        if "sections" not in content:
+            raise InputError(f"sections: {source} is a mesh; write mesh = '{source}'")
         # A thickness that is given counts, also where the scan has one.
         without = {"wall_mm": None} if "wall_thickness" in changed else {}
         outlines = [each | without for each in content["sections"]]
         found = {"law": "sections", "sections": outlines, "source": content["source"]}
         return found | {"title": content.get("title", "")} | changed
+    if ways == ["mesh"]:
+        content = made(source)
+        if "mesh" not in content:
+            raise InputError(f"mesh: {source} has sections of a scan; write sections = '{source}'")
+        for key in ("wall_thickness", "inner", "outer", "source"):
+            if key in changed:
+                raise InputError(f"{key}: comes from the file {source}; remove it")
+        thickness = LENGTH.text(content["wall_thickness"], "mm")
+        found = {key: value for key, value in content.items() if key != "units"}
+        return found | {"law": "mesh", "wall_thickness": thickness} | changed
     with error_context("like"):
         like = _named(source, reference)
     fields = {name for kind in _KINDS.values() for name in kind.model_fields}
@@ -672,7 +784,7 @@ class _Table:
             properties.pop("name", None)  # that of its table
             for field in properties.values():
                 field.pop("default", None)  # a number without a unit
-        offset, blend, outline, sections = (dict(kind["properties"]) for kind in kinds)
+        offset, blend, outline, sections, mesh = (dict(kind["properties"]) for kind in kinds)
         required = [["law", *kind["required"]] for kind in kinds[:2]]
         like = {"like": {"enum": list(reference_sockets())}, **offset, **blend}
         like.pop("law")
@@ -681,9 +793,12 @@ class _Table:
         del outline["law"], outline["points"], outline["deviation"]
         sections["sections"] = outline["outline"] | {"description": "file of the command socket"}
         del sections["law"], sections["source"]
+        mesh["mesh"] = sections["sections"]
+        for key in ("law", "source", "inner", "outer", "wall_thickness"):
+            del mesh[key]
         tables = zip(
-            (offset, blend, outline, sections, like),
-            (*required, ["outline"], ["sections"], ["like"]),
+            (offset, blend, outline, sections, mesh, like),
+            (*required, ["outline"], ["sections"], ["mesh"], ["like"]),
             strict=True,
         )
         shared = {"type": "object", "additionalProperties": False}

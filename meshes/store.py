@@ -61,7 +61,7 @@ def name_of(limb: Limb, socket: Socket, size: MeshSize, liner: Lining | None = N
         curves["liner"] = fit.lining
     said = {
         "limb": limb.model_dump(
-            mode="json", include={"regions", "contact_boundary", "fixed_boundary"}
+            mode="json", include={"regions", "contact_boundary", "fixed_boundary", "mesh"}
         ),
         "bonded": liner and liner.bonded,
         "size": asdict(size),

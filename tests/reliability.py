@@ -27,6 +27,7 @@ SUBJECTS = (
     "test_bad_input",
     "test_bad_outlines",
     "test_bad_sources",
+    "test_bad_meshes",
     "test_bad_sockets",
     "test_bad_sections",
     "test_bad_levels",

@@ -13,8 +13,10 @@ import pytest
 from geometry import LIMB
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mesh_files import deck
 
 from calfsocket.fit.data import read_test
+from calfsocket.imaging.meshed import limb_of_mesh
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
 from calfsocket.materials.file import read_material
@@ -49,6 +51,35 @@ def drawing() -> bytes:
     return f"  0\nSECTION\n  2\nENTITIES\n{entities}ENDSEC\n  0\nEOF\n".encode()
 
 
+def ring_mesh(kind: str) -> bytes:
+    """Two rings of 24 triangles, bone and skin, as a file of Abaqus or gmsh."""
+    angle = 2 * np.pi * np.arange(12) / 12
+    points = np.concatenate(
+        [r * np.column_stack([np.cos(angle), np.sin(angle)]) for r in (12.0, 20.0, 30.0)]
+    )
+    cells = np.array(
+        [
+            row
+            for i in (0, 12)
+            for j in range(12)
+            for a, b in [(i + j, i + (j + 1) % 12)]
+            for row in ([a, a + 12, b + 12], [a, b + 12, b])
+        ]
+    )
+    if kind == "inp":
+        sets = {"bone": np.arange(24), "skin": np.arange(24, 48)}
+        return deck(points, {"CPE3": cells}, sets).encode()
+    nodes = [f"{n} {x:.4f} {y:.4f} 0" for n, (x, y) in enumerate(points, 1)]
+    elements = [
+        f"{n} 2 2 {1 + (n > 24)} 1 {a} {b} {c}"
+        for n, (a, b, c) in enumerate((cells + 1).tolist(), 1)
+    ]
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "2", '2 1 "bone"',
+             '2 2 "skin"', "$EndPhysicalNames", "$Nodes", str(len(nodes)), *nodes, "$EndNodes",
+             "$Elements", str(len(elements)), *elements, "$EndElements"]  # fmt: skip
+    return "\n".join(lines).encode() + b"\n"
+
+
 FOLDER = Path(limb.__file__).parent
 CSV = b"x, y\n" + b"".join(
     b"%.2f, %.2f\n" % (55 * np.cos(t), 50 * np.sin(t)) for t in np.arange(0, 6.2, 0.35)
@@ -66,6 +97,8 @@ READERS: dict[str, tuple[str, Reader, bytes]] = {
     "CSV outline": ("a.csv", read_outline, CSV),
     "DXF outline": ("a.dxf", read_outline, drawing()),
     "SVG outline": ("a.svg", read_outline, SVG),
+    "Abaqus mesh": ("a.inp", limb_of_mesh, ring_mesh("inp")),
+    "gmsh mesh": ("a.msh", limb_of_mesh, ring_mesh("msh")),
     "limb": ("limb.json", Limb.read, (FOLDER / "calf.json").read_bytes()),
     "sockets": (
         "sockets.json",

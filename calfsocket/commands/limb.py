@@ -8,15 +8,19 @@ from calfsocket.commands import command, first_rank, group, option
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from calfsocket.imaging.anatomy import Anatomy, Said
     from calfsocket.imaging.limb import Filling, Imported
+    from calfsocket.imaging.meshed import MeshedLimb
     from calfsocket.imaging.section import Section
     from calfsocket.imaging.source import Source
+    from calfsocket.meshes.limb import Limb
 
 
 _NOT_OF_DRAWINGS = "does not belong to a drawing of the section; omit it"
+_NOT_OF_MESHES = "does not belong to a mesh, which is solved as it is; omit it"
+_FILLING = ("skin_thickness", "fat_thickness", "crest", "fibular_head", "septum")
 
 
 @command(
@@ -123,6 +127,34 @@ _NOT_OF_DRAWINGS = "does not belong to a drawing of the section; omit it"
         ),
         option("--voxel", metavar="X,Y,Z", help="size of a voxel of a stack of pictures, mm"),
     ),
+    group(
+        "a mesh of the section",
+        option(
+            "--sets",
+            type=Path,
+            metavar="FILE",
+            help="what its sets are: a line such as Set-2,gastrocnemius,muscle for each (CSV), or"
+            " TOML (default: by their names)",
+        ),
+        option("--data", metavar="NAME", help="array of a VTK file that numbers the regions"),
+        option(
+            "--fixed",
+            metavar="NAME",
+            help="where the limb is fixed: a region, a set of nodes or edges, or holes (default:"
+            " the hole in the tibia, or its surface)",
+        ),
+        option(
+            "--geometry",
+            type=Path,
+            metavar="FILE",
+            help="limb or outline that it was meshed from: straight sides are laid onto its curves",
+        ),
+        option(
+            "--outlines",
+            action="store_true",
+            help="use the outlines of its regions alone, as if they were drawn, and mesh them here",
+        ),
+    ),
     description="""\
 Make a limb from surfaces of its skin and bones, from a label map, or from outlines: a section
 square to the tibia's axis, with smooth curves within a tolerance of the data, and in it the regions
@@ -135,7 +167,8 @@ distal end. Or it is a label map: NIfTI, NRRD, MetaImage, a TIFF of several page
 PNG or TIFF slices. Or it is the section itself: a CSV, DXF or SVG outline for each of skin.csv,
 tibia.csv, soleus.csv, ..., or one drawing with a layer or an id for each. The names are those of
 label maps: my_calf:muscle says the tissue. Side and directions follow from tibia and
-fibula where the source has both.
+fibula where the source has both. Or it is a mesh of the section, of triangles or quadrilaterals,
+which is solved as it is: gmsh (.msh), Abaqus (.inp) or VTK (.vtu), with a set for each region.
 """,
     epilog="""\
 examples:
@@ -145,17 +178,31 @@ examples:
   python3 -m calfsocket limb leg.stl --levels 0.2:0.8:13 --out my-limb.json
   python3 -m calfsocket limb skin.csv tibia.csv fibula.csv soleus.csv 'my calf:muscle.csv'
   python3 -m calfsocket limb scan.aop --side left --anterior +y
+  python3 -m calfsocket limb section.inp --sets sets.csv --units m --side right --anterior +y
 """,
 )
 @first_rank
 def limb(arguments: Namespace) -> None:
     """Make a limb from a scan of its surface and bones."""
     from calfsocket.imaging.limb import Filling, imported
+    from calfsocket.imaging.mesh_reader import is_mesh
     from calfsocket.plotting.source import draw_source
 
     out = arguments.out
     if out.suffix != ".json":
         raise InputError(f"--out {out}: limbs are JSON files; use a name that ends in .json")
+    if any(map(is_mesh, arguments.source)) and not arguments.outlines:
+        made = _meshed(arguments)
+        made.limb.write(out)
+        draw_source(made.limb, made.outlines, out.with_suffix(".png"))
+        print(summary_of_mesh(made.limb))
+        print(f"written to {out} and {out.with_suffix('.png')}")
+        return
+    of_meshes = () if any(map(is_mesh, arguments.source)) else ("sets", "data", "outlines")
+    for name in ("fixed", "geometry", *of_meshes):
+        if getattr(arguments, name):
+            what = "is none" if of_meshes else "is not solved as it is with --outlines"
+            raise InputError(f"--{name}: belongs to a mesh, and {arguments.source[0]} {what}")
     filling = Filling(
         arguments.tissues,
         arguments.skin_thickness,
@@ -210,9 +257,12 @@ def _section(arguments: Namespace) -> "Section":
     """Return the section that is asked for."""
     from calfsocket.imaging.drawing_parts import is_drawing
     from calfsocket.imaging.limb import plane_of
+    from calfsocket.imaging.mesh_reader import is_mesh
     from calfsocket.imaging.plane import Level
     from calfsocket.imaging.section import section
 
+    if any(map(is_mesh, arguments.source)):
+        return _outlines_of_mesh(arguments)
     if any(map(is_drawing, arguments.source)):
         return _drawn(arguments)
     plane = plane_of(arguments.plane) if arguments.plane else None
@@ -273,6 +323,74 @@ def _drawn(arguments: Namespace) -> "Section":
     tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
     parts = named_files(arguments.source, _roles(arguments))
     return read_outlines(parts, _said(arguments), arguments.seen_from, tolerance)
+
+
+def _meshed(arguments: Namespace) -> "MeshedLimb":
+    """Return the limb with a mesh of its own."""
+    from calfsocket.imaging.mesh_sets import read_sets
+    from calfsocket.imaging.meshed import limb_of_mesh
+    from calfsocket.imaging.plane_mesh import ON_CURVE
+
+    _check_options_of_mesh(arguments, _FILLING)
+    if arguments.tolerance is not None and arguments.geometry is None:
+        raise InputError(f"--tolerance: {_NOT_OF_MESHES}, or add --geometry")
+    return limb_of_mesh(
+        arguments.source[0],
+        read_sets(arguments.sets) if arguments.sets else None,
+        units=arguments.units,
+        data=arguments.data,
+        said=_said(arguments),
+        seen_from=arguments.seen_from,
+        fixed=arguments.fixed,
+        geometry=arguments.geometry,
+        tolerance=ON_CURVE if arguments.tolerance is None else arguments.tolerance,
+    )
+
+
+def _outlines_of_mesh(arguments: Namespace) -> "Section":
+    """Return the section that a mesh is of."""
+    from calfsocket.imaging.mesh_sets import read_sets
+    from calfsocket.imaging.meshed import section_of_mesh
+    from calfsocket.imaging.section import TOLERANCE
+
+    _check_options_of_mesh(arguments)
+    return section_of_mesh(
+        arguments.source[0],
+        read_sets(arguments.sets) if arguments.sets else None,
+        units=arguments.units,
+        data=arguments.data,
+        said=_said(arguments),
+        seen_from=arguments.seen_from,
+        tolerance=TOLERANCE if arguments.tolerance is None else arguments.tolerance,
+    )
+
+
+def _check_options_of_mesh(arguments: Namespace, more: "Sequence[str]" = ()) -> None:
+    """Refuse what belongs to other sources."""
+    if len(arguments.source) > 1:
+        raise InputError(f"{arguments.source[0]}: is a mesh or beside one; give a mesh alone")
+    others = ("level", "levels", "plane", "labels", "voxel", "proximal", *_roles(arguments), *more)
+    for name in others:
+        if getattr(arguments, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')}: {_NOT_OF_MESHES}")
+
+
+def summary_of_mesh(limb: "Limb") -> str:
+    """Return a table of a mesh's regions, and what was found."""
+    from calfsocket.meshes.quality import quality_table
+
+    assert limb.mesh is not None and limb.source is not None
+    table = quality_table(limb.mesh.triangles(limb.region_tags), limb.tissues, limb.areas)
+    lines = [
+        limb.title,
+        f"  {'region':29} {'tissue':8} {'mm2':>8}  {'triangles':>9}  {'smallest angle':>14}",
+    ]
+    lines += [
+        f"  {row.region:29} {row.tissue:8} {row.area_mm2:8.1f}  {row.triangles:9}  "
+        f"{row.min_angle_deg:12.1f} deg"
+        for row in table.itertuples()
+    ]
+    return "\n".join([*lines, *(f"  {line}" for line in limb.source.found)])
 
 
 def summary(made: "Imported") -> str:

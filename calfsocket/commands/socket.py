@@ -70,6 +70,23 @@ _THICKEST = 100
         ),
         option("--shift", metavar="X,Y,Z", help="with none: mm, in the limb's axes, after that"),
     ),
+    group(
+        "a mesh of the wall",
+        option(
+            "--sets",
+            type=Path,
+            metavar="FILE",
+            help="which set is the socket: a line such as Set-7,socket (CSV), or TOML (default: the"
+            " set of that name)",
+        ),
+        option("--data", metavar="NAME", help="array of a VTK file that numbers the regions"),
+        option(
+            "--geometry",
+            type=Path,
+            metavar="FILE",
+            help="socket or outline that it was meshed from: straight sides are laid onto it",
+        ),
+    ),
     description="""\
 Cut a socket from its own scan at the sections of a limb. Write its outlines as JSON, for
 `sections = ...` of a socket in a study file, with a picture of them over the limb's sections.
@@ -78,16 +95,21 @@ SOURCE is STL, PLY, OBJ, VTP or AOP, in mm: the inner face, open at the brim, or
 and outer face. It is laid on the skin of all sections so that the gap between them is as even as
 possible: a socket is smaller than its limb, by how much is found. A scan in the limb's own axes
 stays there.
+
+Or SOURCE is a plane mesh of the wall, gmsh (.msh), Abaqus (.inp) or VTK (.vtu), in the axes of the
+file that the limb was made of. It is solved as it is: `mesh = ...` of a socket in a study file.
 """,
     epilog="""\
 examples:
   python3 -m calfsocket socket scan.stl --limb my-limb.json --out my-socket.json
   python3 -m calfsocket socket design.aop --limb my-limb.json --register none
+  python3 -m calfsocket socket section.inp --limb my-limb.json --sets sets.csv
 """,
 )
 @first_rank
 def socket(arguments: Namespace) -> None:
     """Cut a socket from its own scan at the sections of a limb."""
+    from calfsocket.imaging.mesh_reader import is_mesh
     from calfsocket.imaging.section import TOLERANCE
     from calfsocket.imaging.socket_scan import cut_for, laid, read_socket_scan
     from calfsocket.meshes.levels import read_limb, sections
@@ -96,6 +118,12 @@ def socket(arguments: Namespace) -> None:
     out = arguments.out
     if out.suffix != ".json":
         raise InputError(f"--out {out}: is not JSON; use a name that ends in .json")
+    if is_mesh(arguments.source):
+        _write_meshed(arguments)
+        return
+    for name in ("sets", "data", "geometry"):
+        if getattr(arguments, name):
+            raise InputError(f"--{name}: belongs to a mesh, and {arguments.source} is none")
     shift = _shift(arguments.shift) if arguments.shift else (0.0, 0.0, 0.0)
     tolerance = TOLERANCE if arguments.tolerance is None else arguments.tolerance
     wall = arguments.wall_thickness
@@ -111,6 +139,49 @@ def socket(arguments: Namespace) -> None:
     made.write(out)
     draw_sections(made, limbs, out.with_suffix(".png"))
     print(summary(scan, made, limbs, place))
+    print(f"written to {out} and {out.with_suffix('.png')}")
+
+
+def _write_meshed(arguments: Namespace) -> None:
+    """Write a socket with a mesh of its own."""
+    from calfsocket.imaging.mesh_sets import read_sets
+    from calfsocket.imaging.meshed import socket_of_mesh
+    from calfsocket.meshes.limb import Limb
+    from calfsocket.meshes.quality import smallest_angles
+    from calfsocket.plotting.socket_scan import draw_sections
+
+    for name in ("tolerance", "wall_thickness", "shift", "rotate"):
+        if getattr(arguments, name):
+            raise InputError(
+                f"--{name.replace('_', '-')}: does not belong to a mesh, which is solved as it is"
+                " and where it lies; omit it"
+            )
+    out = arguments.out
+    worn_by = Limb.read(arguments.limb)
+    made = socket_of_mesh(
+        arguments.source,
+        worn_by,
+        read_sets(arguments.sets) if arguments.sets else None,
+        units=arguments.units,
+        data=arguments.data,
+        geometry=arguments.geometry,
+        name=out.stem,
+    )
+    made.write(out)
+    draw_sections(made, [worn_by], out.with_suffix(".png"))
+    x, inner = made.mesh.coordinates, made.inner_face(worn_by).area
+    assert made.source is not None
+    print(
+        "\n  ".join(
+            [
+                f"{made.source.file}: a wall of {made.wall_thickness:.1f} mm on average,"
+                f" {len(x)} triangles, smallest angle {smallest_angles(x).min():.1f} deg",
+                f"its inner face has {100 * (1 - inner / worn_by.skin.area):.2f} % less area than"
+                " the skin",
+                *made.source.notes,
+            ]
+        )
+    )
     print(f"written to {out} and {out.with_suffix('.png')}")
 
 

@@ -40,6 +40,8 @@ _MANY = 400
 _COMPLETE = 0.98
 #: Files of a section that its title lists.
 _LISTED = 5
+#: +x and +y of a drawing, in space.
+_XY = np.eye(2, 3)
 #: Crural fascia around muscles of which no envelope was drawn, mm: as over the atlas's bellies.
 _FASCIA = 0.74
 
@@ -70,9 +72,15 @@ def read_outlines(
     InputError
         When a file or a name is not understood, or outlines overlap or do not lie in one another.
     """
-    check_tolerance(tolerance)
     said = said or Said()
-    read = read_parts(files, said.side)
+    return section_of(read_parts(files, said.side), said, seen_from, tolerance)
+
+
+def section_of(
+    read: Parts, said: Said, seen_from: View, tolerance: float, axes: Array = _XY
+) -> Section:
+    """Return the section of outlines that were read; `axes` are their +x and +y in space."""
+    check_tolerance(tolerance)
     said = replace(said, side=said.side or read.side)
     remarks = list(read.remarks)
     drawn = _named(read, remarks)
@@ -89,7 +97,7 @@ def read_outlines(
     _check_overlaps(roles, bodies, paths, tolerance)
     centre = np.array(shapely.Polygon(drawn["skin"][1].points).centroid.coords[0])
     about = {name: translate(bodies[name], *-centre) for name in ("skin", *roles.bones)}
-    front, turn, found = _front(_listed(list(read.files)), about, said, seen_from)
+    front, turn, found = front_of(_listed(list(read.files)), about, said, seen_from, axes)
     rotation = np.array([[front[1], -front[0]], [front[0], front[1]]])
     data = {name: (each.points - centre) @ rotation.T for name, (_, each) in drawn.items()}
     outlines = {
@@ -262,13 +270,17 @@ def _outline(drawn: Drawn, points: Array, tolerance: float, name: str, wide: boo
     return smooth_outline(points, tolerance, f"{drawn.path}, {name}", radii)
 
 
-def _front(
-    files: str, bodies: Mapping[str, BaseGeometry], said: Said, seen_from: View
+def front_of(
+    files: str,
+    bodies: Mapping[str, BaseGeometry],
+    said: Said,
+    seen_from: View,
+    axes: Array = _XY,
 ) -> tuple[Array, int, tuple[str, ...]]:
     """Return the anterior direction, which way anatomical angles turn, and how both were found.
 
     The second is 1 where they grow counter-clockwise, as in a right leg seen from above, -1 where
-    they grow clockwise, and 0 where it is not known.
+    they grow clockwise, and 0 where it is not known. `axes` are the drawing's +x and +y in space.
     """
     turn, found = 0, []
     if said.side:
@@ -293,7 +305,7 @@ def _front(
                 " and the flesh behind them"
             )
     if said.anterior:
-        front = direction(said.anterior, "anterior")[:2]
+        front = axes @ direction(said.anterior, "anterior")
         if np.linalg.norm(front) < 0.3:
             raise InputError(f"anterior: '{said.anterior}' leaves the drawing; give +x, -y, ...")
         found.append("anterior: as said")

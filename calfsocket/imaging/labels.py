@@ -69,7 +69,7 @@ def read_labels(
         raise InputError(f"{path}: has bones and vessels alone; label skin or flesh too")
     whole = _Bodies(volume, [slice(None)] * 3)
     skin = Shell("skin", whole.limb(list(used), side), path)
-    check_size(f"{path}: skin", skin.surface, "mm")
+    check_size(f"{path}: skin", skin.surface.points, "mm")
     bodies = whole.cropped()
 
     def shell(name: str, labels: Sequence[int], pieces: bool = False) -> Shell:

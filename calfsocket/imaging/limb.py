@@ -13,7 +13,10 @@ from calfsocket.imaging.atlas import AtlasLimb, carried
 from calfsocket.imaging.drawing import read_outlines
 from calfsocket.imaging.labels import read_labels
 from calfsocket.imaging.lumped import SKIN_THICKNESS, lumped
+from calfsocket.imaging.mesh_sets import read_sets
+from calfsocket.imaging.meshed import limb_of_mesh, section_of_mesh
 from calfsocket.imaging.plane import Level
+from calfsocket.imaging.plane_mesh import ON_CURVE
 from calfsocket.imaging.section import TOLERANCE, Section, section
 from calfsocket.imaging.source import Source, read_surface
 from calfsocket.imaging.volume import is_volume
@@ -96,6 +99,8 @@ class Limb(meshes.Limb):
         Keys of the file that nothing is computed from.
     source : Provenance, optional
         What it was made from.
+    mesh : GivenMesh, optional
+        A mesh that was made elsewhere and is solved as it is.
     """
 
     @classmethod
@@ -228,6 +233,84 @@ class Limb(meshes.Limb):
             One line: file, place, and what to do.
         """
         part = read_outlines(parts, Said(side, None, anterior), seen_from, tolerance)
+        return cls._of(imported(part, filling).limb)
+
+    @classmethod
+    def from_mesh(
+        cls,
+        path: Path | str,
+        sets: Mapping[str, Any] | Path | str | None = None,
+        *,
+        units: str = "mm",
+        data: str | None = None,
+        side: Side | None = None,
+        seen_from: View = "above",
+        anterior: str | None = None,
+        fixed: str | None = None,
+        geometry: meshes.Limb | Path | str | None = None,
+        tolerance: float | None = None,
+        outlines: bool = False,
+        **filling: Any,
+    ) -> Self:
+        """Make a limb of a plane mesh, which is solved as it is, or of its outlines alone.
+
+        Parameters
+        ----------
+        path
+            gmsh (.msh), Abaqus (.inp) or VTK (.vtu, .vtk): triangles of first or second order, or
+            quadrilaterals, which are split.
+        sets
+            What its sets are: ``{"SKIN": "skin", "Set-2": "gastrocnemius:muscle"}``, with
+            ``"ignore"`` for what is left out, or a table of them (CSV ``set,region,tissue``, or
+            TOML). By default their names tell it. Of a VTK file the sets are the numbers in `data`.
+        units
+            Of the file: mm, cm, m or inch.
+        data
+            Array of whole numbers of the cells that says the region, where there are several.
+        side, seen_from
+            Of the body, and from which side of its plane the mesh is seen.
+        anterior
+            Direction in the file's axes, such as ``"+y"``, where tibia and fibula do not tell.
+        fixed
+            Where the limb is fixed: a region (its hole, or else its surface), a set of nodes or
+            edges, or "holes", all of them. By default the hole in a bone, the tibia's first; the
+            only hole; or the surface of the tibia, or of the largest bone.
+        geometry
+            A limb, its file, or the file of an outline, in the axes of the mesh: straight sides
+            between nodes of its curves are laid onto them.
+        tolerance
+            Largest distance of those nodes from the curves, mm (default 0.02); of smooth curves
+            from the outlines (default 0.2).
+        outlines
+            Whether the outlines of the regions alone are used, as those of `from_outlines` are, so
+            that the limb is meshed here.
+        **filling
+            With outlines: as of `from_surface`.
+
+        Raises
+        ------
+        InputError
+            One line: file, place, and what to do.
+        """
+        table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
+        said = Said(side, None, anterior)
+        if not outlines:
+            for name in filling:
+                raise InputError(f"{name}: belongs to outlines, not to a mesh that is solved as it"
+                                 " is; add outlines = True")  # fmt: skip
+            within = ON_CURVE if tolerance is None else tolerance
+            made = limb_of_mesh(
+                path, table, units=units, data=data, said=said, seen_from=seen_from, fixed=fixed,
+                geometry=geometry, tolerance=within,
+            )  # fmt: skip
+            return cls._of(made.limb)
+        for name, value in (("fixed", fixed), ("geometry", geometry)):
+            if value is not None:
+                raise InputError(f"{name}: belongs to a mesh that is solved as it is; leave it out")
+        part = section_of_mesh(
+            path, table, units=units, data=data, said=said, seen_from=seen_from,
+            tolerance=TOLERANCE if tolerance is None else tolerance,
+        )  # fmt: skip
         return cls._of(imported(part, filling).limb)
 
     @classmethod

@@ -1,6 +1,6 @@
 """A socket's own scan, and what it leaves in the sections of a limb."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,10 @@ import shapely
 
 import calfsocket
 from calfsocket.imaging import registration
+from calfsocket.imaging.mesh_sets import read_sets
+from calfsocket.imaging.meshed import socket_of_mesh
 from calfsocket.imaging.plane import Plane, cut
+from calfsocket.imaging.plane_mesh import ON_CURVE
 from calfsocket.imaging.registration import Face, Motion, Registration, Skin
 from calfsocket.imaging.section import (
     SKIN_RADII,
@@ -28,7 +31,7 @@ from calfsocket.meshes import socket as meshes
 from calfsocket.meshes.curves import Array
 from calfsocket.meshes.levels import LimbLevels, sections
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import SectionOutline, Sections, SocketProvenance
+from calfsocket.meshes.socket import MeshedSocket, SectionOutline, Sections, SocketProvenance
 
 #: Distance of the points on a skin's outline, mm.
 _STEP = 2.0
@@ -72,7 +75,7 @@ def read_socket_scan(path: Path | str, units: str = "mm") -> SocketScan:
     path = Path(path)
     shells = read_shells([path], units)
     large = [each for each in shells if each.surface.area > _CRUMB * shells[0].surface.area]
-    check_size(str(path), large[0].surface, units, "socket")
+    check_size(str(path), large[0].surface.points, units, "socket")
     if len(large) > 2 or (len(large) == 2 and not _nested(*large)):
         raise InputError(
             f"{path}: has {len(large)} surfaces that are not one in the other; give one socket"
@@ -307,7 +310,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 
 class Socket(meshes.Socket):
-    """A socket around a limb: of the paper, from a file, from an outline, or from its own scan.
+    """A socket around a limb: of the paper, from a file, an outline, its own scan, or a mesh.
 
     Attributes
     ----------
@@ -363,3 +366,51 @@ class Socket(meshes.Socket):
         scan = read_socket_scan(path, units)
         place = laid(scan, limbs, register, shift, rotate)
         return cut_for(scan, limbs, place, register, tolerance, **socket)
+
+    @staticmethod
+    def from_mesh(
+        path: Path | str,
+        limb: Limb,
+        sets: Mapping[str, Any] | Path | str | None = None,
+        *,
+        units: str = "mm",
+        data: str | None = None,
+        geometry: meshes.Socket | Path | str | None = None,
+        tolerance: float = ON_CURVE,
+        **socket: Any,
+    ) -> MeshedSocket:
+        """Make a socket of a mesh of its wall, which is solved as it is.
+
+        Parameters
+        ----------
+        path
+            A file as of `Limb.from_mesh`, in the axes of the file that the limb was made of.
+        limb
+            That it is for.
+        sets
+            As of `Limb.from_mesh`: what is "socket". By default a set of that name.
+        units, data
+            As of `Limb.from_mesh`.
+        geometry
+            A socket, or its file: straight sides between nodes of its faces are laid onto them.
+        tolerance
+            Largest distance of those nodes from the faces, mm.
+        **socket
+            `name` (that of the file by default), `title`, `modulus` and `poisson`.
+
+        Raises
+        ------
+        InputError
+            One line: file, place, and what to do.
+        """
+        table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
+        return socket_of_mesh(
+            path,
+            limb,
+            table,
+            units=units,
+            data=data,
+            geometry=geometry,
+            tolerance=tolerance,
+            **socket,
+        )

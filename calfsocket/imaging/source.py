@@ -123,7 +123,7 @@ def read_surface(
         )
     skin = named.pop("skin", None) or _skin(left)
     left = [shell for shell in left if shell is not skin]
-    check_size(str(skin), skin.surface, units)
+    check_size(str(skin), skin.surface.points, units)
     inside = _inside(skin, left)
     outside = [shell for shell in left if shell not in inside]
     _check_one_limb(skin, outside)

@@ -185,9 +185,9 @@ def _separated(path: Path, surface: pyvista.PolyData) -> list[Shell]:
     return [Shell(f"shell {i}", each, path) for i, each in enumerate(shells, start=1)]
 
 
-def check_size(what: str, surface: pyvista.PolyData, units: str, kind: str = "limb") -> None:
-    """Raise an InputError unless a surface has the size of a limb, or of the `kind` that it is."""
-    sides = np.sort(np.ptp(surface.points, axis=0))
+def check_size(what: str, points: Array, units: str, kind: str = "limb") -> None:
+    """Raise an InputError unless points span the size of a limb, or of the `kind` that it is."""
+    sides = np.sort(np.ptp(points, axis=0))
     low, high = WIDTH
     if low <= sides[1] <= high:
         return
@@ -201,7 +201,7 @@ def check_size(what: str, surface: pyvista.PolyData, units: str, kind: str = "li
         if fits
         else f"give one {kind}, in mm, or say its unit by --units"
     )
-    box = " x ".join(f"{side:.3g}" for side in sides)
+    box = " x ".join(f"{side:.3g}" for side in sides if side)
     raise InputError(
         f"{what}: is {box} mm, which is no {kind} ({low:g} to {high:g} mm wide); {advice}"
     )

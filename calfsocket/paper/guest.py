@@ -82,7 +82,8 @@ def papers_cases(results: Results) -> list[Key]:
 def _shape(limb: Limb) -> tuple[Any, ...]:
     """Return what a limb is, without what its file says beside."""
     regions = [(region.name, region.tissue, region.loops) for region in limb.regions]
-    curves = {name: limb.curves[name] for *_, loops in regions for name in loops}
+    # A limb with a mesh of its own has no curves of its regions.
+    curves = {name: limb.curves.get(name) for *_, loops in regions for name in loops}
     return limb.axes, limb.layers, limb.fixed_boundary, regions, curves
 
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from calfsocket.io.files import replacing
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.limb import Limb
-from calfsocket.meshes.socket import Sections
+from calfsocket.meshes.socket import MeshedSocket, Sections
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.source import fill
 from calfsocket.plotting.style import type_set
@@ -22,9 +22,11 @@ _FOOT = 0.35
 _FACE = "#0b6fb8"
 
 
-def draw_sections(socket: Sections, limbs: Sequence[Limb], path: Path) -> None:
+def draw_sections(socket: Sections | MeshedSocket, limbs: Sequence[Limb], path: Path) -> None:
     """Draw the inner face and the wall of a socket over each section that it reaches, as PNG."""
-    drawn = [limb for limb in limbs if any(each.is_of(limb) for each in socket.sections)]
+    drawn = limbs
+    if isinstance(socket, Sections):
+        drawn = [limb for limb in limbs if any(each.is_of(limb) for each in socket.sections)]
     columns = min(len(drawn), _COLUMNS)
     rows = -(-len(drawn) // columns)
     half = max(np.abs(limb.skin.evaluate(limb.skin.knots)).max() for limb in drawn)
@@ -57,11 +59,13 @@ def draw_sections(socket: Sections, limbs: Sequence[Limb], path: Path) -> None:
             figure.savefig(temporary, facecolor="white")
 
 
-def _draw(axes: Axes, socket: Sections, limb: Limb, window: drawing.Window) -> None:
+def _draw(axes: Axes, socket: Sections | MeshedSocket, limb: Limb, window: drawing.Window) -> None:
     fill(axes, limb)
     inner = _points(socket.inner_face(limb))
-    # As a stroke on the outside: a wall that folds over can be seen, too.
-    outer = inner + socket.thickness(limb) * _normals(socket.inner_face(limb))
+    if isinstance(socket, MeshedSocket):
+        outer = _points(socket.faces(limb)[1])
+    else:  # as a stroke on the outside: a wall that folds over can be seen, too
+        outer = inner + socket.thickness(limb) * _normals(socket.inner_face(limb))
     axes.fill(
         np.append(inner[:, 0], outer[::-1, 0]), np.append(inner[:, 1], outer[::-1, 1]),
         color=drawing.SOCKET, alpha=0.5, linewidth=0,

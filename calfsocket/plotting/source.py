@@ -7,13 +7,14 @@ import numpy as np
 import shapely
 import shapely.plotting
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from calfsocket.io.files import replacing
-from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.limb import Limb
 from calfsocket.plotting import section as drawing
 from calfsocket.plotting.style import type_set
 
@@ -23,7 +24,7 @@ _SOURCE = "#0b6fb8"
 
 
 def draw_source(limb: Limb, data: Mapping[str, NDArray[np.float64]], path: Path) -> None:
-    """Draw the regions of a limb, and over them the source's outlines, as PNG.
+    """Draw the regions of a limb, its own mesh, and the source's outlines over them, as PNG.
 
     Parameters
     ----------
@@ -36,6 +37,11 @@ def draw_source(limb: Limb, data: Mapping[str, NDArray[np.float64]], path: Path)
         low, high = _extent(data)
         window = (low[0], high[0], low[1], high[1])
         fill(axes, limb)
+        if limb.mesh is not None:
+            around = limb.mesh.coordinates[:, [0, 3, 1, 4, 2, 5, 0]]
+            axes.add_collection(
+                LineCollection(list(around), linewidths=0.2, colors=_SOURCE), autolim=False
+            )
         for points in data.values():
             closed = np.concatenate([points, points[:1]])
             axes.plot(*closed.T, ".-", color=_SOURCE, linewidth=0.4, markersize=1.8)
@@ -66,13 +72,10 @@ def _extent(data: Mapping[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64
 
 def fill(axes: Axes, limb: Limb) -> None:
     """Draw the regions of a limb by the colours of their tissues."""
-    loops = {
-        name: curve.evaluate(curve.sample(_STEP_MM)) for name, curve in limb_curves(limb).items()
-    }
+    bodies = limb.bodies(_STEP_MM)
     for region in limb.regions:
-        body = shapely.Polygon(loops[region.outer], [loops[hole] for hole in region.holes])
         patch = shapely.plotting.patch_from_polygon(
-            body, facecolor=drawing.TISSUE_COLOURS[region.tissue],
+            bodies[region.name], facecolor=drawing.TISSUE_COLOURS[region.tissue],
             edgecolor=drawing.OUTLINE, linewidth=0.5,
         )  # fmt: skip
         axes.add_artist(patch)  # the window is known: `add_patch` would look for it, for seconds

@@ -30,7 +30,12 @@ from calfsocket.meshes import tags
 from calfsocket.meshes.distributed import SectionMesh
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Fit, Lining, fitted
-from calfsocket.meshes.placement import Placement, check_placement
+from calfsocket.meshes.placement import (
+    Placement,
+    check_liner_between,
+    check_placement,
+    check_size_of_rest,
+)
 from calfsocket.meshes.refinement import FirstError, Refinement
 from calfsocket.meshes.section import build, section_mesh
 from calfsocket.meshes.sizing import AdaptiveSize, MeshSize, checked_size
@@ -100,7 +105,8 @@ class Simulation:
         Law of every tissue of the limb, and of the socket unless it has one of its own.
     mesh_size : str or int
         "coarse", "medium" or "paper", a number of triangles, or "adaptive": at most 60 000 of them
-        ("adaptive-40000": so many), where a solution on the medium mesh has its errors.
+        ("adaptive-40000": so many), where a solution on the medium mesh has its errors. Of a limb
+        or socket with a mesh of its own: the size of the other one's.
     contact : Contact, optional
         Friction and Nitsche stiffness; by default those of the paper.
     support : {"floating", "outer-fixed"}
@@ -156,6 +162,10 @@ class Simulation:
                 raise InputError(f"{name}: is '{value}'; {nearest(str(value), allowed)}")
         self.limb, self.socket, self.materials = limb, socket, materials
         self.mesh_size = checked_size(mesh_size)
+        with error_context("mesh size"):
+            check_size_of_rest(limb, socket, self.mesh_size)
+        with error_context("liner.bonded"):
+            check_liner_between(limb, socket, liner)
         self.contact = contact or Contact()
         self.support = support
         self.steps = steps or LoadSteps()

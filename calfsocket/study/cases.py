@@ -16,9 +16,15 @@ from calfsocket.materials.material_set import BASE_SETS, BaseSet, MaterialSet
 from calfsocket.meshes.levels import Level, LimbLevels, Place, sections
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining
-from calfsocket.meshes.placement import Placement, check_placement
-from calfsocket.meshes.sizing import AdaptiveSize, MeshSize
-from calfsocket.meshes.socket import AnySocket, Outline, resolved
+from calfsocket.meshes.placement import (
+    Placement,
+    check_liner_between,
+    check_placement,
+    check_size_of_rest,
+    with_own_mesh,
+)
+from calfsocket.meshes.sizing import AdaptiveSize, MeshSize, checked_size
+from calfsocket.meshes.socket import AnySocket, MeshedSocket, Outline, resolved
 from calfsocket.postprocess.thresholds import Threshold
 from calfsocket.simulation.record import CaseRecord, StudySource
 from calfsocket.study import design, sweep
@@ -406,7 +412,7 @@ class Planner:
             for name, table in sockets.items() if isinstance(sockets, dict) else ():
                 with error_context(self._path, f"{origin}sockets.{name}"):
                     sockets[name] = resolved(
-                        table, self._reference, self._files.outline, self._files.sections
+                        table, self._reference, self._files.outline, self._files.socket
                     )
             _read_liner_law(content, self._files)
             self._documents[key] = checked(self._path, content, Document, origin)
@@ -428,9 +434,10 @@ class Planner:
         else:
             words = point.label, ""
         socket = document.sockets.get(asked.socket) or self._reference[asked.socket]
-        if len(self._sections) > 1 and isinstance(socket, Outline):
+        if len(self._sections) > 1 and isinstance(socket, Outline | MeshedSocket):
+            what = "outline" if isinstance(socket, Outline) else "mesh"
             raise InputError(
-                f"{self._path}: sockets.{asked.socket}: is one outline, and the limb has"
+                f"{self._path}: sockets.{asked.socket}: is one {what}, and the limb has"
                 f" {len(self._sections)} levels; use a socket that follows each level, by a law or"
                 " like = 'HS'"
             )
@@ -438,6 +445,7 @@ class Planner:
             limb = self._limb(section, document, f"{place}: " if changes else "")
             at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
+            self._check_own_meshes(limb, socket, document)
             if document.loading:
                 from calfsocket.simulation.simulation import check_loading
 
@@ -453,6 +461,19 @@ class Planner:
                 placement=self._placement(socket, asked.socket, section, document),
                 level=level,
                 row=point.row,
+            )
+
+    def _check_own_meshes(self, limb: Limb, socket: AnySocket, document: Document) -> None:
+        """Refuse what a body with a mesh of its own cannot be combined with."""
+        with error_context(self._path, "model.size"):
+            check_size_of_rest(limb, socket, checked_size(document.model.size))
+        with error_context(self._path, "liner.bonded"):
+            check_liner_between(limb, socket, document.liner)
+        own = [name for name, has in with_own_mesh(limb, socket).items() if has]
+        if own and document.study.mesh_error:
+            raise InputError(
+                f"{self._path}: study.mesh_error: needs a second mesh, and the {own[0]} has one of"
+                " its own, which is solved as it is; remove it, or --mesh-error"
             )
 
     def _materials(self, document: Document, name: str, label: str, limb: Limb) -> MaterialSet:

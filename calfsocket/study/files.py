@@ -11,7 +11,7 @@ from calfsocket.io.schema import check_readable, read_toml
 from calfsocket.materials.file import law_in
 from calfsocket.materials.laws import Law
 from calfsocket.meshes.drawn import OutlineFile
-from calfsocket.meshes.socket import sections_in
+from calfsocket.meshes.socket import made_in
 
 if TYPE_CHECKING:
     from calfsocket.meshes.outline import ReadOutline
@@ -49,9 +49,9 @@ class Files:
         points = tuple((float(x), float(y)) for x, y in content["points"])
         return ReadOutline(points, float(content["deviation"]))
 
-    def sections(self, name: str) -> dict[str, Any]:
-        """Outlines of a socket that was cut from its scan."""
-        content: dict[str, Any] = self._read(name, sections_in)
+    def socket(self, name: str) -> dict[str, Any]:
+        """Outlines of a socket that was cut from its scan, or the mesh of its wall."""
+        content: dict[str, Any] = self._read(name, made_in)
         return content
 
     def law(self, name: str) -> Law:

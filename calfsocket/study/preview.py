@@ -5,16 +5,17 @@ from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.path import Path as Outline
+from shapely.geometry.polygon import orient
 
 from calfsocket.materials.liner import Liner
 from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.levels import Place, sections
-from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.lining import fitted
 from calfsocket.meshes.socket import AnySocket
 from calfsocket.plotting import files
@@ -65,14 +66,13 @@ def _different(plan: Plan) -> list[Case]:
 
 def _draw_socket(axes: Axes, plan: Plan, case: Case) -> None:
     limb = case.limb
-    loops = limb_curves(limb)
-    skin = loops[limb.contact_boundary]
+    skin, bodies = limb.skin, limb.bodies(STEP_MM)
     socket = case.socket
     fit = fitted(limb, socket, case.document.liner)
     inner, outer = fit.inner, fit.outer
     custom = {name for each in plan.cases for name in each.materials.regions}
     for region in limb.regions:
-        outline = _path(loops[region.outer], *(loops[hole] for hole in region.holes))
+        outline = _outline(bodies[region.name])
         colour = drawing.TISSUE_COLOURS[region.tissue]
         drawing.draw_path(axes, outline, facecolor=colour, edgecolor=drawing.OUTLINE, linewidth=0.4)
         if region.name in custom:
@@ -126,6 +126,15 @@ def custom_laws(case: Case) -> list[str]:
 
 def _points(curve: ClosedCurve) -> np.ndarray:
     return curve.evaluate(curve.sample(STEP_MM))
+
+
+def _outline(body: shapely.Polygon | shapely.MultiPolygon) -> Outline:
+    """Return the path of an area; holes turn the other way."""
+    turned = [orient(part) for part in getattr(body, "geoms", [body])]
+    rings = [ring for part in turned for ring in (part.exterior, *part.interiors)]
+    return Outline.make_compound_path(
+        *(Outline(np.asarray(ring.coords), closed=True) for ring in rings)
+    )
 
 
 def _path(outer: ClosedCurve, *holes: ClosedCurve) -> Outline:
