@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mesh_files import deck
 
 from calfsocket.fit.data import read_test
-from calfsocket.imaging.meshed import limb_of_mesh
+from calfsocket.imaging.mesh.limb import limb_of_mesh
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import read_json
 from calfsocket.materials.file import read_material

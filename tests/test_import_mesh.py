@@ -15,7 +15,8 @@ from scipy.spatial import Delaunay
 
 import calfsocket as cs
 from calfsocket import cli
-from calfsocket.imaging.meshed import limb_of_mesh, socket_of_mesh
+from calfsocket.imaging.mesh.limb import limb_of_mesh
+from calfsocket.imaging.mesh.socket import socket_of_mesh
 from calfsocket.mechanics.limb_problem import limb_problem
 from calfsocket.mechanics.stepping import LoadStepper
 from calfsocket.meshes import curves, quality, rings, section, tags

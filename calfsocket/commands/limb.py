@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from calfsocket.imaging.anatomy import Anatomy, Said
     from calfsocket.imaging.limb import Filling, Imported
-    from calfsocket.imaging.meshed import MeshedLimb
+    from calfsocket.imaging.mesh.limb import MeshedLimb
     from calfsocket.imaging.section import Section
     from calfsocket.imaging.source import Source
     from calfsocket.meshes.limb import Limb
@@ -185,7 +185,7 @@ examples:
 def limb(arguments: Namespace) -> None:
     """Make a limb from a scan of its surface and bones."""
     from calfsocket.imaging.limb import Filling, imported
-    from calfsocket.imaging.mesh_reader import is_mesh
+    from calfsocket.imaging.mesh.reader import is_mesh
     from calfsocket.plotting.source import draw_source
 
     out = arguments.out
@@ -257,7 +257,7 @@ def _section(arguments: Namespace) -> "Section":
     """Return the section that is asked for."""
     from calfsocket.imaging.drawing_parts import is_drawing
     from calfsocket.imaging.limb import plane_of
-    from calfsocket.imaging.mesh_reader import is_mesh
+    from calfsocket.imaging.mesh.reader import is_mesh
     from calfsocket.imaging.plane import Level
     from calfsocket.imaging.section import section
 
@@ -327,9 +327,9 @@ def _drawn(arguments: Namespace) -> "Section":
 
 def _meshed(arguments: Namespace) -> "MeshedLimb":
     """Return the limb with a mesh of its own."""
-    from calfsocket.imaging.mesh_sets import read_sets
-    from calfsocket.imaging.meshed import limb_of_mesh
-    from calfsocket.imaging.plane_mesh import ON_CURVE
+    from calfsocket.imaging.mesh.limb import limb_of_mesh
+    from calfsocket.imaging.mesh.plane_mesh import ON_CURVE
+    from calfsocket.imaging.mesh.sets import read_sets
 
     _check_options_of_mesh(arguments, _FILLING)
     if arguments.tolerance is not None and arguments.geometry is None:
@@ -349,8 +349,8 @@ def _meshed(arguments: Namespace) -> "MeshedLimb":
 
 def _outlines_of_mesh(arguments: Namespace) -> "Section":
     """Return the section that a mesh is of."""
-    from calfsocket.imaging.mesh_sets import read_sets
-    from calfsocket.imaging.meshed import section_of_mesh
+    from calfsocket.imaging.mesh.limb import section_of_mesh
+    from calfsocket.imaging.mesh.sets import read_sets
     from calfsocket.imaging.section import TOLERANCE
 
     _check_options_of_mesh(arguments)

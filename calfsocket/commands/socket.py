@@ -109,7 +109,7 @@ examples:
 @first_rank
 def socket(arguments: Namespace) -> None:
     """Cut a socket from its own scan at the sections of a limb."""
-    from calfsocket.imaging.mesh_reader import is_mesh
+    from calfsocket.imaging.mesh.reader import is_mesh
     from calfsocket.imaging.section import TOLERANCE
     from calfsocket.imaging.socket_scan import cut_for, laid, read_socket_scan
     from calfsocket.meshes.levels import read_limb, sections
@@ -144,8 +144,8 @@ def socket(arguments: Namespace) -> None:
 
 def _write_meshed(arguments: Namespace) -> None:
     """Write a socket with a mesh of its own."""
-    from calfsocket.imaging.mesh_sets import read_sets
-    from calfsocket.imaging.meshed import socket_of_mesh
+    from calfsocket.imaging.mesh.sets import read_sets
+    from calfsocket.imaging.mesh.socket import socket_of_mesh
     from calfsocket.meshes.limb import Limb
     from calfsocket.meshes.quality import smallest_angles
     from calfsocket.plotting.socket_scan import draw_sections

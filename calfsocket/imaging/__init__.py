@@ -1,1 +1,1 @@
-"""Limbs from scans, segmentations and drawings, with what the data lack from the reference calf."""
+"""Limbs from scans, segmentations, drawings and meshes, with what the data lack from the calf."""

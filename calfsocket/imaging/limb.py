@@ -13,10 +13,10 @@ from calfsocket.imaging.atlas import AtlasLimb, carried
 from calfsocket.imaging.drawing import read_outlines
 from calfsocket.imaging.labels import read_labels
 from calfsocket.imaging.lumped import SKIN_THICKNESS, lumped
-from calfsocket.imaging.mesh_sets import read_sets
-from calfsocket.imaging.meshed import limb_of_mesh, section_of_mesh
+from calfsocket.imaging.mesh.limb import limb_of_mesh, section_of_mesh
+from calfsocket.imaging.mesh.plane_mesh import ON_CURVE
+from calfsocket.imaging.mesh.sets import read_sets
 from calfsocket.imaging.plane import Level
-from calfsocket.imaging.plane_mesh import ON_CURVE
 from calfsocket.imaging.section import TOLERANCE, Section, section
 from calfsocket.imaging.source import Source, read_surface
 from calfsocket.imaging.volume import is_volume

@@ -11,10 +11,10 @@ import shapely
 
 import calfsocket
 from calfsocket.imaging import registration
-from calfsocket.imaging.mesh_sets import read_sets
-from calfsocket.imaging.meshed import socket_of_mesh
+from calfsocket.imaging.mesh.plane_mesh import ON_CURVE
+from calfsocket.imaging.mesh.sets import read_sets
+from calfsocket.imaging.mesh.socket import socket_of_mesh
 from calfsocket.imaging.plane import Plane, cut
-from calfsocket.imaging.plane_mesh import ON_CURVE
 from calfsocket.imaging.registration import Face, Motion, Registration, Skin
 from calfsocket.imaging.section import (
     SKIN_RADII,

@@ -10,8 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from calfsocket.imaging.mesh_cells import NONE
-from calfsocket.imaging.mesh_reader import ReadMesh
+from calfsocket.imaging.mesh.elements import NONE
+from calfsocket.imaging.mesh.reader import ReadMesh
 from calfsocket.imaging.plane import Plane
 from calfsocket.imaging.surface import UNITS
 from calfsocket.io.errors import InputError

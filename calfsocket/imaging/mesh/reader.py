@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from calfsocket.imaging.abaqus import read_deck
-from calfsocket.imaging.mesh_cells import NODES, Block, triangles
+from calfsocket.imaging.mesh.abaqus import read_deck
+from calfsocket.imaging.mesh.elements import NODES, Block, triangles
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import check_readable, nearest, read_text
 from calfsocket.meshes.curves import Array

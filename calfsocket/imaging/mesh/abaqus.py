@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calfsocket.imaging.mesh_cells import Block
+from calfsocket.imaging.mesh.elements import Block
 from calfsocket.io.errors import InputError
 from calfsocket.meshes.curves import Array
 

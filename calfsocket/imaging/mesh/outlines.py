@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calfsocket.imaging.drawing_parts import Parts
 from calfsocket.imaging.label_table import CAVITY, Meaning
-from calfsocket.imaging.plane_mesh import PlaneMesh
+from calfsocket.imaging.mesh.plane_mesh import PlaneMesh
 from calfsocket.imaging.section import counter_clockwise
 from calfsocket.imaging.shapes import largest
 from calfsocket.imaging.source import sha256

@@ -17,7 +17,7 @@ from calfsocket.imaging.label_table import (
     names_like,
     spelt,
 )
-from calfsocket.imaging.mesh_reader import ReadMesh
+from calfsocket.imaging.mesh.reader import ReadMesh
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import misspelt, read_text, read_toml
 from calfsocket.meshes import tags

@@ -1,0 +1,1 @@
+"""Limbs and sockets of plane meshes that were made elsewhere."""
