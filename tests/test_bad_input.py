@@ -345,7 +345,7 @@ TRIALS = (
     Trial(
         "an unknown key that is near to none",
         GOOD + "[zebra]\n",
-        ("unknown key 'zebra'; allowed: cases, laws, liner, loads, materials",),
+        ("unknown key 'zebra'; allowed: cases, laws, layers, liner, loads, materials",),
     ),
     Trial(
         "an unknown key of a socket",

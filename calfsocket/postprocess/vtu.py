@@ -65,9 +65,9 @@ def write_fields(folder: Path, quantities: Quantities, load: float) -> Path:
         of_all[_REGION + name] = np.array([number, tissue])
     of_all |= {_TISSUE + name: np.array([number]) for number, name in enumerate(TISSUES)}
     of_all["load"] = np.array([load])
-    text = _text_of(np.pad(fields.points[node], pad), cells, at_nodes, in_cells, of_all)
     path = Path(folder) / FIELDS_FILE
     with replacing(path) as temporary:
+        text = _text_of(np.pad(fields.points[node], pad), cells, at_nodes, in_cells, of_all)
         temporary.write_text(text, encoding="ascii")
     return path
 
