@@ -149,6 +149,48 @@ def moved(node: int, to: int, share: float) -> Change:
     return points_changed(change)
 
 
+def bulged(
+    points: Points, cells: Cells, sets: dict[str, Cells]
+) -> tuple[Points, Cells, dict[str, Cells]]:
+    """Give triangles nodes between their corners, one of them beyond the third corner."""
+    ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    unique, inverse = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
+    middle = points[unique].mean(axis=1)
+    side = inverse.reshape(3, -1)[:, 100]
+    middle[side[0]] += 0.8 * (points[cells[100, 2]] - middle[side[0]])
+    rows = np.column_stack([cells, len(points) + inverse.reshape(3, -1).T])
+    return np.concatenate([points, middle]), rows, sets
+
+
+def fibula_at(angle: float) -> Change:
+    """Make a fibula of some of the fat, and a tibia of what lies opposite."""
+
+    def change(
+        points: Points, cells: Cells, sets: dict[str, Cells]
+    ) -> tuple[Points, Cells, dict[str, Cells]]:
+        x = points[cells].mean(axis=1)
+        muscle = sets["muscle"]
+        toward = x[muscle] @ [np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]
+        near = muscle[toward > 0.8 * np.linalg.norm(x[muscle], axis=1)]
+        return points, cells, sets | {"fibula": near, "muscle": np.setdiff1d(muscle, near)}
+
+    return change
+
+
+def socket_off(z: float) -> Make:
+    """A socket that lies so far from the plane of its limb."""
+
+    def make(folder: Path) -> list[str]:
+        words = of_sets("skin,socket\n")(folder)
+        flat = (folder / "limb.inp").read_text().splitlines()
+        lifted = [f"{line}, {z}" if line.count(",") == 2 and "." in line else line
+                  for line in flat]  # fmt: skip
+        (folder / "socket.inp").write_text("\n".join(lifted))
+        return [words[0], str(folder / "socket.inp"), *words[2:]]
+
+    return make
+
+
 def doubled(cells: Cells) -> Cells:
     cells[1] = cells[0]
     return cells
@@ -222,6 +264,16 @@ TRIALS = (
           ("there is no part 'b' before it",)),
     Trial("two meshes", lambda folder: [*limb()(folder), str(folder / "limb.inp")],
           ("give a mesh alone",)),
+    Trial("a node listed twice", limb(more="*NODE\n1,3,3\n"),
+          ("*NODE: node 1 is listed twice, in two places; give each a number of its own",)),
+    Trial("an element listed twice", limb(more="*ELEMENT, TYPE=CPE3\n1,1,2,3\n"),
+          ("*ELEMENT: element 1 is listed twice, with other nodes",)),
+    Trial("a set without a name", limb(more="*ELSET\n1,2\n"),
+          ("*ELSET: has no ELSET=...; export the mesh again",)),
+    Trial("a part that no instance places",
+          text("*PART, NAME=Leg\n*NODE\n1,0,0\n2,9,0\n3,0,9\n*ELEMENT,TYPE=S3\n1,1,2,3\n"
+               "*END PART\n"),
+          ("no *INSTANCE places the part LEG; write the deck with its assembly, or flat",)),
     # sets
     Trial("a file without sets", limb(change=sets_changed(lambda sets: {})),
           ("has no sets of triangles; name one for each tissue",)),
@@ -231,6 +283,8 @@ TRIALS = (
           ("are in no set whose tissue is known", "Set-0 (", "--sets")),
     Trial("a VTK file that numbers nothing", by_meshio("limb.vtu"),
           ("does not say its regions: it has no sets, and no array of whole numbers",)),
+    Trial("a VTK file with fractions", by_meshio("limb.vtu", region=1.5),
+          ("no array of whole numbers of its cells (region has others); add one",)),
     Trial("a VTK file with several numbers", by_meshio("limb.vtu", a=1, b=2),
           ("the arrays a, b; say which one by --data",)),
     Trial("an array that is not there",
@@ -270,6 +324,8 @@ TRIALS = (
           ("a side belongs to 3 triangles", "triangles lie on each other there")),
     Trial("a triangle that is a needle", limb(change=moved(150, 151, 0.97)),
           ("a triangle is a needle with an angle of", "mesh it anew")),
+    Trial("a side that is curved too far", limb(change=bulged, kind="CPE6"),
+          ("a triangle is inverted by a curved side, whose middle node lies too far off, at",)),
     Trial("a triangle that folds over", limb(change=moved(150, 151, 1.6)),
           ("two triangles lie on each other at",)),
     Trial("two corners in one place", limb(change=moved(150, 151, 1.0)),
@@ -284,6 +340,9 @@ TRIALS = (
           ("the outer boundary is skin, but for", "which are fat")),
     Trial("a bone that there is not", limb("--fixed", "femur"),
           ("fixed: has no region and no set of nodes or edges 'femur'; allowed: fat",)),
+    Trial("a limb that is fixed where the socket presses",
+          limb("--fixed", "all", more=f"*NSET, NSET=all, GENERATE\n1,{N * len(RADII)}\n"),
+          ("fixed: 'all' reaches the outer boundary, which is pressed by the socket",)),
     Trial("two holes in muscle", limb("--sets", "{0}/soft.csv", change=without(8 * N, 8 * N + 1)),
           ("which of its holes is the limb fixed at?", "--fixed holes")),
     # what a mesh is combined with
@@ -297,6 +356,11 @@ TRIALS = (
           ("which set is the socket?", "NAME,socket")),
     Trial("a socket without a hole", of_sets("skin,socket\nmuscle,socket\n"),
           ("is in 2 pieces that share no nodes",)),
+    Trial("a socket in another plane", socket_off(12.0),
+          ("lies in another plane than the limb's section: its nodes are up to 12 mm off",)),
+    Trial("a fibula on the wrong side", limb("--sets", "{0}/legs.csv", "--side", "right",
+                                             "--anterior", "+y", change=fibula_at(180)),
+          ("axes: +x is lateral and +y anterior, so that the fibula would lie",)),
     Trial("a socket's wall that is moved", of_socket("--rotate", "3"),
           ("--rotate: does not belong to a mesh",)),
     Trial("a number of triangles", study('[model]\nsize = 20000\n'),
@@ -305,6 +369,8 @@ TRIALS = (
           ("model.size: is adaptive, but the limb has a mesh of its own",)),
     Trial("a mesh error", study("mesh_error = true\n[model]\nsize = \"coarse\"\n"),
           ("study.mesh_error: needs a second mesh, and the limb has one of its own",)),
+    Trial("a thicker skin", study('[model]\nsize = "coarse"\n[layers]\nskin_thickness = "2 mm"\n'),
+          ("layers: skin_thickness: the limb has a mesh of its own, which is solved as it is",)),
     Trial("a liner bonded to the limb",
           study('[model]\nsize = "coarse"\n[liner]\nthickness = "3 mm"\n'
                 'law = {law = "neo-hookean", mu = "20 kPa", nu = 0.49}\n'),
@@ -320,6 +386,7 @@ def said(trial: Trial, folder: Path) -> str:
 def words_of(trial: Trial, folder: Path) -> Sequence[str]:
     circle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     outline = 29.5 * np.column_stack([np.cos(circle), np.sin(circle)])
+    (folder / "legs.csv").write_text(ALL + "fibula,fibula\n")
     (folder / "soft.csv").write_text(ALL.replace(",tibia", ",calf:muscle"))
     (folder / "other.csv").write_text("\n".join(f"{x:.6f},{y:.6f}" for x, y in outline))
     words: Sequence[str] = trial.given(folder)

@@ -392,6 +392,33 @@ def test_tables_of_sets(tmp_path: Path) -> None:
     assert of_csv.tissues == {"tibia": "bone", "calf": "muscle", "fat": "fat", "skin": "skin"}
 
 
+def test_a_table_may_have_semicolons(tmp_path: Path) -> None:
+    vtu(limb_alone(ring()), tmp_path / "a.vtu")
+    (tmp_path / "sets.csv").write_text("1;tibia\n2;calf;muscle\n3;fat\n4;skin\n")
+    limb = cs.Limb.from_mesh(tmp_path / "a.vtu", tmp_path / "sets.csv")
+    assert limb.tissues["calf"] == "muscle"
+
+
+def test_a_deck_of_a_windows_code_page(tmp_path: Path) -> None:
+    mesh = limb_alone(ring())
+    inp(mesh, tmp_path / "a.inp")
+    text = (tmp_path / "a.inp").read_text().replace("ELSET=skin", "ELSET=Außenhülle")
+    (tmp_path / "a.inp").write_bytes(f"** Gefäße\n{text}".encode("cp1252"))
+    sets = {"tibia": "tibia", "muscle": "muscle", "fat": "fat", "Außenhülle": "skin"}
+    assert limb_of_mesh(tmp_path / "a.inp", sets).limb.tissues["skin"] == "skin"
+
+
+def test_sets_of_tissues_tell_those_of_regions_with_names_of_their_own(tmp_path: Path) -> None:
+    """As an exported deck has them: one set for each region, and one for each tissue."""
+    mesh = limb_alone(ring())
+    sets = sets_of(mesh)
+    sets["gastro"], sets["soleus"] = sets["muscle"][::2], sets["muscle"][1::2]
+    sets["TISSUE_muscle"] = sets.pop("muscle")
+    (tmp_path / "a.inp").write_text(deck(mesh.points, {"CPE6": mesh.cells}, sets))
+    tissues = limb_of_mesh(tmp_path / "a.inp").limb.tissues
+    assert {name for name, tissue in tissues.items() if tissue == "muscle"} == {"gastro", "soleus"}
+
+
 # ----- where it is fixed, and how it lies
 
 
@@ -456,6 +483,16 @@ def test_a_limb_is_fixed_by_a_set_of_nodes(tmp_path: Path) -> None:
     limb = limb_of_mesh(tmp_path / "a.inp", fixed="held").limb
     edges = limb.mesh.edges(tags.TIBIA_MEDULLARY)  # type: ignore[union-attr]
     np.testing.assert_allclose(np.linalg.norm(edges, axis=-1), 12.0, atol=0.01)
+
+
+def test_a_limb_is_fixed_by_the_nodes_of_a_set_of_elements(tmp_path: Path) -> None:
+    mesh = limb_alone(ring())
+    more = "*NSET, NSET=HOLD, ELSET=tibia\n"
+    (tmp_path / "a.inp").write_text(deck(mesh.points, {"CPE6": mesh.cells}, sets_of(mesh), more))
+    limb = limb_of_mesh(tmp_path / "a.inp", fixed="hold").limb
+    assert "fixed at HOLD, as said" in found_in(limb)
+    edges = limb.mesh.edges(tags.TIBIA_MEDULLARY)  # type: ignore[union-attr]
+    assert np.linalg.norm(edges, axis=-1).max() == pytest.approx(12.0, abs=1e-3)
 
 
 def test_the_origin_is_moved_into_the_limb_and_the_socket_with_it(tmp_path: Path) -> None:

@@ -82,6 +82,11 @@ class LayerThickness(Strict):
         said = {key: text for key, text in self if text is not None}
         if not said:
             return limb
+        if limb.mesh is not None:
+            raise InputError(
+                f"{next(iter(said))}: the limb has a mesh of its own, which is solved as it is;"
+                " remove the key, or import outlines in the place of the mesh"
+            )
         under = _Under(limb)
         factors = {key: under.factor(key, text) for key, text in said.items()}
         if all(factor == 1.0 for factor in factors.values()):

@@ -77,7 +77,8 @@ def _scaled(path: Path, units: str) -> pyvista.PolyData:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(
-            f"{path}: is no surface; the formats of surfaces are {', '.join(sorted(READERS))}"
+            f"{path}: is no surface; the formats of surfaces are {', '.join(sorted(READERS))},"
+            " those of plane meshes .msh, .inp, .vtu, .vtk"
         )
     check_readable(path, MAX_BYTES)
     try:

@@ -21,6 +21,7 @@ _PLANE = re.compile(r"(CPEG|CPE|CPS|CAX|CGAX|DC2D|AC2D|STRI|SFM3D|M3D|R3D|S)(\d)
 _SOLID = re.compile(r"(C3D|CSS|DC3D|AC3D|SC)\d|CCL\d")
 #: What makes nodes or elements that the file does not list.
 _MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "INCLUDE", "SYSTEM")
+_ONCE = "give each a number of its own, or write the deck with parts and instances"
 _SHAPES = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8"}
 
 Label = tuple[str, int]
@@ -125,6 +126,7 @@ class _Reader:
         self._path = path
         self._scopes: dict[str, _Scope] = {"": _Scope()}
         self._parts: dict[str, _Scope] = {}
+        self._placed: set[str] = set()
         self._places = {"": _Motion([], [])}
         self._scope, self._scope_name = self._scopes[""], ""
 
@@ -135,11 +137,22 @@ class _Reader:
                 self._take(keyword, words, lines)
             except InputError as error:
                 raise InputError(f"{self._path}, line {number}: *{keyword}: {error}") from None
-            except (ValueError, IndexError, KeyError) as error:
+            except KeyError as error:
+                raise InputError(
+                    f"{self._path}, line {number}: *{keyword}: has no {error.args[0]}=...; export"
+                    " the mesh again"
+                ) from None
+            except (ValueError, IndexError) as error:
                 raise InputError(
                     f"{self._path}, line {number}: *{keyword}: is not understood ({error});"
                     " export the mesh again"
                 ) from None
+        loose = [name for name in self._parts if name not in self._placed]
+        if loose and not any(scope.elements for scope in self._scopes.values()):
+            raise InputError(
+                f"{self._path}: no *INSTANCE places the part {loose[0]}; write the deck with its"
+                " assembly, or flat, without *PART"
+            )
         return self._scopes, self._places
 
     def _take(self, keyword: str, words: Mapping[str, str], lines: Sequence[str]) -> None:
@@ -159,7 +172,9 @@ class _Reader:
                 found = []
                 for line in lines:
                     label, *x = _cells(line)
-                    self._scope.nodes[int(label)] = [_number(word) for word in x]
+                    place = [_number(word) for word in x]
+                    if self._scope.nodes.setdefault(int(label), place) != place:
+                        raise InputError(f"node {label} is listed twice, in two places; {_ONCE}")
                     found.append((self._scope_name, int(label)))
                 if "NSET" in words:
                     self._scope.node_sets.setdefault(words["NSET"], []).extend(found)
@@ -176,6 +191,7 @@ class _Reader:
         self._scopes[name] = self._scope
         if part:
             of = self._parts[part]
+            self._placed.add(part)
             self._scope.nodes = dict(of.nodes)
             self._scope.elements = dict(of.elements)
             for kind in ("node_sets", "element_sets"):
@@ -209,7 +225,9 @@ class _Reader:
         found = []
         for first in range(0, len(numbers), count + 1):
             label, *nodes = numbers[first : first + count + 1]
-            self._scope.elements[label] = _SHAPES[count], nodes
+            own = _SHAPES[count], nodes
+            if self._scope.elements.setdefault(label, own) != own:
+                raise InputError(f"element {label} is listed twice, with other nodes; {_ONCE}")
             found.append((self._scope_name, label))
         if "ELSET" in words:
             self._scope.element_sets.setdefault(words["ELSET"], []).extend(found)
@@ -219,6 +237,11 @@ class _Reader:
         own: dict[str, list[Label]] = getattr(self._scope, kind)
         scope = words.get("INSTANCE", self._scope_name)
         labels: list[Label] = []
+        if keyword == "NSET" and "ELSET" in words:  # the nodes of its elements
+            for place, number in self._labels(words["ELSET"], scope, "element_sets"):
+                elements = (self._scopes[place] if place else self._scope).elements
+                if number in elements:
+                    labels += [(place, node) for node in elements[number][1]]
         for line in lines:
             cells = _cells(line)
             if "GENERATE" in words:

@@ -30,6 +30,23 @@ def fixed_sides(
     remarks: list[str],
 ) -> tuple[NDArray[np.int64], str]:
     """Return the sides where the limb is fixed, and the region with the hole if it is one."""
+    found, hole_of = _wanted_sides(mesh, read, parts, loops, wanted, remarks)
+    if np.isin(found[:, :2], loops[0].sides[:, :2]).any():
+        raise InputError(
+            f"{mesh.name}: fixed: '{wanted}' reaches the outer boundary, which is pressed by the"
+            " socket; name a bone, or a set of nodes or edges inside the limb"
+        )
+    return found, hole_of
+
+
+def _wanted_sides(
+    mesh: PlaneMesh,
+    read: ReadMesh,
+    parts: Assigned,
+    loops: Sequence[Loop],
+    wanted: str | None,
+    remarks: list[str],
+) -> tuple[NDArray[np.int64], str]:
     names, tissues = list(parts.regions), parts.regions
     holes = [(loop, names[_region_at(mesh, loop)]) for loop in loops[1:]]
     if wanted == HOLES:

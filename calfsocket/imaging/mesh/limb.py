@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
+from pydantic import ValidationError
 from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
@@ -22,12 +24,13 @@ from calfsocket.imaging.plane import Plane
 from calfsocket.imaging.section import TOLERANCE, Section
 from calfsocket.imaging.source import sha256
 from calfsocket.io.errors import InputError, error_context
+from calfsocket.io.schema import first_problem
 from calfsocket.meshes import limb as meshes
 from calfsocket.meshes import tags
 from calfsocket.meshes.curves import Array, ClosedCurve, through, xy
 from calfsocket.meshes.frame import Frame, View
 from calfsocket.meshes.given import area_of, sides
-from calfsocket.meshes.limb import Limb, Provenance, limb_curves
+from calfsocket.meshes.limb import Provenance, limb_curves
 from calfsocket.meshes.outline import read_outline
 
 #: An origin that is closer to the middle of the skin than this share of its mean radius stays:
@@ -92,7 +95,7 @@ def limb_of_mesh(
             numbers,
             {tags.SKIN_SURFACE: loops[0].sides, tags.TIBIA_MEDULLARY: facets},
         )
-        limb = Limb.model_validate(
+        limb = _checked(
             {
                 "title": f"Limb of {read.path.name}",
                 "units": "mm, deg",
@@ -209,6 +212,14 @@ def _in_frame(
     plane = Plane(mesh.plane.origin + centre @ axes, rotation[0] @ axes, rotation[1] @ axes)
     moved = replace(mesh, points=(mesh.points - centre) @ rotation.T, plane=plane)
     return moved, Frame("lateral" if turn > 0 else "medial", "anterior") if turn else Frame()
+
+
+def _checked(content: dict[str, Any]) -> meshes.Limb:
+    """Build a limb; what does not fit, such as its directions, is said in a line."""
+    try:
+        return meshes.Limb.model_validate(content)
+    except ValidationError as error:
+        raise InputError(first_problem(content, error)) from None
 
 
 def _provenance(read: ReadMesh, mesh: PlaneMesh, remarks: Sequence[str]) -> Provenance:

@@ -231,8 +231,11 @@ def plane_mesh(
     if read.split:
         remarks.append(f"{read.split} quadrilaterals were split along their shorter diagonals")
     kept = np.unique(cells[cells >= 0])
-    plane = plane or _plane(str(read.path), points[kept])
-    _check_flat(str(read.path), points[kept], plane)
+    own = _plane(points[kept])
+    _check_flat(str(read.path), points[kept], own)
+    if plane is not None:
+        _check_same_plane(str(read.path), points[kept], plane)
+    plane = plane or own
     flat = plane.flat(points[kept])
     merged, target = _merged(flat)
     if merged:
@@ -249,7 +252,7 @@ def plane_mesh(
     return _sound(_raised(_turned(mesh)))
 
 
-def _plane(name: str, points: Array) -> Plane:
+def _plane(points: Array) -> Plane:
     """Return the plane of points, seen from the positive side of the axis it is most square to."""
     centre = points.mean(axis=0)
     normal = np.linalg.svd((points - centre).T @ (points - centre))[0][:, 2]
@@ -261,8 +264,21 @@ def _plane(name: str, points: Array) -> Plane:
     return Plane.square_to(normal, origin, np.eye(3)[(most + 2) % 3])
 
 
+def _away(points: Array, plane: Plane) -> float:
+    return float(np.abs((points - plane.origin) @ plane.normal).max())
+
+
+def _check_same_plane(name: str, points: Array, plane: Plane) -> None:
+    away = _away(points, plane)
+    if away > FLAT:
+        raise InputError(
+            f"{name}: lies in another plane than the limb's section: its nodes are up to"
+            f" {away:.3g} mm off that plane; export both meshes in the same axes, or check --units"
+        )
+
+
 def _check_flat(name: str, points: Array, plane: Plane) -> None:
-    away = np.abs((points - plane.origin) @ plane.normal).max()
+    away = _away(points, plane)
     if away > FLAT:
         raise InputError(
             f"{name}: is not flat: its nodes leave a plane by up to {away:.3g} mm; give the mesh of"
@@ -341,21 +357,30 @@ def _sound(mesh: PlaneMesh) -> PlaneMesh:
     """Refuse triangles that are inverted or needles."""
     shape = scaled_jacobians(mesh.coordinates)
     worst = int(np.argmin(shape))
-    angle = float(smallest_angles(mesh.coordinates[[worst]])[0])
     if shape[worst] < LEAST_SHAPE:
-        what = "is inverted" if shape[worst] <= 0 else f"is a needle with an angle of {angle:.1f}\
- degrees"  # fmt: skip
         raise InputError(
-            f"{mesh.name}: a triangle {what} at {mesh.where(worst)} (scaled Jacobian"
-            f" {shape[worst]:.2f}; {LEAST_SHAPE} at least): mesh it anew"
+            f"{mesh.name}: {_poor(mesh, worst, shape[worst])} at {mesh.where(worst)} (scaled"
+            f" Jacobian {shape[worst]:.2f}; {LEAST_SHAPE} at least): mesh it anew"
         )
     if shape[worst] < POOR_SHAPE:
         remark = (
-            f"the poorest triangle has an angle of {angle:.1f} degrees, at {mesh.where(worst)};"
-            " stresses beside it are uncertain"
+            f"{_poor(mesh, worst, shape[worst])} at {mesh.where(worst)} (scaled Jacobian"
+            f" {shape[worst]:.2f}): stresses beside it are uncertain"
         )
         return replace(mesh, remarks=[*mesh.remarks, remark])
     return mesh
+
+
+def _poor(mesh: PlaneMesh, cell: int, shape: float) -> str:
+    """Say what is wrong with a triangle: its corners, or the nodes between them."""
+    x = mesh.coordinates[[cell]]
+    straight = np.concatenate([x[:, :3], (x[:, :3] + x[:, [1, 2, 0]]) / 2], axis=1)
+    if float(scaled_jacobians(straight)[0]) >= POOR_SHAPE:
+        what = "is inverted" if shape <= 0 else "is nearly inverted"
+        return f"a triangle {what} by a curved side, whose middle node lies too far off,"
+    if shape <= 0:
+        return "a triangle is inverted"
+    return f"a triangle is a needle with an angle of {float(smallest_angles(x)[0]):.1f} degrees"
 
 
 def curved(

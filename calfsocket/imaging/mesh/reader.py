@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 SUFFIXES = (".msh", ".inp", ".vtu", ".vtk")
 #: How a file that is not understood is written anew.
 _AGAIN = {
-    ".msh": "export it again, as version 2.2 or 4.1, its physical groups alone (Mesh.SaveAll = 0)",
+    ".msh": "export it again, as version 2.2 or 4.1, its physical groups alone"
+    " (Mesh.SaveAll = 0) and not partitioned",
     ".vtu": "save it again, with numbers in the file itself",
     ".vtk": "save it as .vtu",
 }
@@ -90,7 +91,7 @@ def read_mesh(path: Path | str, data: str | None = None) -> ReadMesh:
         raise InputError(f"{path}: is not a mesh; give {', '.join(SUFFIXES)}")
     check_readable(path, MAX_BYTES)
     if path.suffix.lower() == ".inp":
-        deck = read_deck(path, read_text(path, MAX_BYTES))
+        deck = read_deck(path, _text(path))
         points, blocks, nodes = deck.points, deck.blocks, dict(deck.node_sets)
         sets = {name: np.array(numbers) for name, numbers in deck.element_sets.items()}
         edges = {name: np.array(numbers) for name, numbers in nodes.items()}
@@ -114,6 +115,17 @@ def read_mesh(path: Path | str, data: str | None = None) -> ReadMesh:
     if not chosen:
         raise InputError(f"{path}: has no sets of triangles; name one for each tissue")
     return ReadMesh(path, points, cells, chosen, edges, quads)
+
+
+def _text(path: Path) -> str:
+    """Return a deck; what is not UTF-8 has names and comments of a Windows code page."""
+    try:
+        return read_text(path, MAX_BYTES)
+    except InputError:
+        content = path.read_bytes()
+        if b"\0" in content:
+            raise
+        return content.decode("cp1252", errors="replace")
 
 
 def _by_meshio(
@@ -177,6 +189,7 @@ def _read(path: Path) -> "meshio.Mesh":
     except (Exception, SystemExit) as error:
         # Before it exits it has printed why, and then that it could not read the file.
         why = str(error) if isinstance(error, Exception) else said.getvalue().partition("Error:")[0]
+        why = "" if isinstance(error, KeyError) else why  # a key of its own tables, no words
         reason = f" ({' '.join(why.split())[:150]})" if why.strip() else ""
         kind = path.suffix.lower()
         raise InputError(f"{path}: cannot be read as {kind}{reason}; {_AGAIN[kind]}") from None
@@ -220,6 +233,8 @@ def _region_array(path: Path, mesh: "meshio.Mesh", flat: Sequence[int], wanted: 
                 f" the arrays {', '.join(whole)}; say which one by --data"
                 if whole
                 else " no array of whole numbers of its cells"
+                + (f" ({', '.join(mesh.cell_data)} has others)" if mesh.cell_data else "")
+                + "; add one"
             )
         )
     return whole[0]

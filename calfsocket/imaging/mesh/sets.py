@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ SOCKETS = (tags.SOCKET, tags.LINER)
 #: Sets that a message lists.
 _LISTED = 12
 _LEFT_OUT = -1
+#: Beginning of the sets that `calfsocket export` makes of all regions of a tissue.
+_OF_TISSUE = "tissue_"
 
 Sets = Mapping[str, Any]
 
@@ -43,7 +45,9 @@ def read_sets(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".toml":
         return read_toml(path)
     found: dict[str, Any] = {}
-    rows = csv.reader(read_text(path).lstrip("\ufeff").splitlines())
+    lines = read_text(path).lstrip("\ufeff").splitlines()
+    # Spreadsheets write semicolons where a comma is the decimal sign.
+    rows = csv.reader(lines, delimiter="," if any("," in line for line in lines) else ";")
     for number, row in enumerate(rows, start=1):
         words = [word.strip() for word in row]
         if not any(words) or words[0].startswith("#") or words[0].lower() == "set":
@@ -180,6 +184,11 @@ def _by_names(mesh: ReadMesh) -> dict[str, Meaning]:
         meaning = _known(name)
         if meaning is None:
             continue
+        if spelt(name).startswith(_OF_TISSUE):
+            inside = mesh.sets[name]
+            for each, cells in mesh.sets.items():
+                if _known(each) is None and cells.any() and not (cells & ~inside).any():
+                    found[each] = replace(meaning, region=spelt(each))
         same = [mesh.sets[each] for each in found if found[each].tissue == meaning.tissue]
         if same and (np.any(same, axis=0) | ~mesh.sets[name]).all():
             continue
