@@ -25,6 +25,9 @@ MOST_NAMED = 3
 NO_SHARE = 0.005
 """Share of the variance below which an input is not named."""
 
+TOGETHER = "\u00a0"
+"""Blank at which a line is not broken."""
+
 DOUBT = "*"
 """Mark of what must not be trusted."""
 
@@ -234,7 +237,9 @@ class Uncertainty:
                 "mean": [number(row.mean) for row in rows],
                 "95 % of cases": [_band(row) for row in rows],
                 "what matters most": [", ".join(self.most(row)) for row in rows],
-                "Q2": [number(row.q2) + ("" if row.trusted else f" {DOUBT}") for row in rows],
+                "Q2": [
+                    number(row.q2) + ("" if row.trusted else f"{TOGETHER}{DOUBT}") for row in rows
+                ],
             },
             index=[self.label(row) for row in rows],
         )
@@ -304,7 +309,8 @@ def _case(key: tuple[str, str]) -> str:
 
 
 def _band(row: Any) -> str:
-    return f"{number(row.low)} to {number(row.high)}" if row.trusted or row.q2 == row.q2 else ""
+    words = f"{number(row.low)} to {number(row.high)}".replace(" ", TOGETHER)
+    return words if row.trusted or row.q2 == row.q2 else ""
 
 
 def _share(row: Any) -> str:
