@@ -146,6 +146,8 @@ def test_too_few_solved_cases_have_no_bands(results, tmp_path):
     run = json.loads((folder / "run.json").read_text())
     for number in (1, 2, 3):
         run["cases"][f"A@u00{number}_combined"].update(status="failed", message="stopped")
+    for number in (1, 2, 3, 4):
+        run["cases"][f"A@u00{number}_combined"]["checks"]["negative_modes"] = 1
     (folder / "run.json").write_text(json.dumps(run))
     for name in EVALUATED:
         (folder / name).unlink()
@@ -155,6 +157,7 @@ def test_too_few_solved_cases_have_no_bands(results, tmp_path):
     assert row.mean_of_cases > 0 and found.shares.empty and found.pressure.empty
     page = write_small(load_results(folder)).read_text()
     assert "These are too few for a chaos in so many inputs" in page
+    assert "1 of 8 cases of the design: unstable equilibrium" in page  # not those that failed
 
 
 def test_the_report_shows_bands_and_what_matters(results, tmp_path):

@@ -160,7 +160,9 @@ class Uncertainty:
             f"{n} of {self.drawn} cases of the design cannot bear what stage {name} asks for"
             for name, n in self.beyond_loads.items()
         ]
-        texts = (text for group in self.design.groups for r in group.records for text in r.warnings)
+        # what failed is in no number, so that its warnings would say nothing of these
+        records = (record for group in self.design.groups for record in group.records)
+        texts = (text for r in records if r.status != "failed" for text in r.warnings)
         counts = Counter(text.partition(":")[0].partition(" of ")[0] for text in texts)
         kinds = [f"{n} of {self.drawn} cases of the design: {text}" for text, n in counts.items()]
         return [*found, *kinds]
