@@ -15,6 +15,7 @@ from calfsocket.materials.material_set import MaterialSet
 from calfsocket.meshes.placement import check_placement
 from calfsocket.plotting import loading
 from calfsocket.plotting.files import Drawing
+from calfsocket.report.damage import DamageThresholds
 from calfsocket.report.page import Page
 from calfsocket.report.write import write_report
 from calfsocket.simulation.results import load_results
@@ -32,7 +33,7 @@ LINER = {"thickness": "1 mm", "law": "gel", "bonded": "socket", "undersize": "2 
 OVER = {"name": "over", "moment": "30 N mm/mm", "steps": 1}
 
 
-def report(out, **tables):
+def report(out, thresholds=None, **tables):
     """Solve the tiny limb with these tables of a study file; return the report's text."""
     given = {"model": {"size": "coarse"}, **tables}
     document, limb, socket = Document.model_validate(given), tiny_limb(), tiny_socket("B")
@@ -48,7 +49,7 @@ def report(out, **tables):
     study = tiny_study(out)
     plan = replace(study.plan, document=document, cases=(case,))
     assert replace(study, plan=plan).run()
-    page = write_report(load_results(out)).read_text()
+    page = write_report(load_results(out), thresholds=thresholds).read_text()
     page = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
     text = html.unescape(re.sub(r"<[^>]+>", "", page)).replace("\N{NO-BREAK SPACE}", " ")
     return re.sub(r"\s+", " ", text)
@@ -68,6 +69,7 @@ def test_a_lined_socket_that_is_donned_wide_and_loaded_evenly(tmp_path):
         "Every state is a stable equilibrium (no negative modes).",
         "Skin. Before the loads, 99.9 % of its area stays below",
         "Damage thresholds. In the donned socket, before its loads, 50 % shear strain in muscle",
+        "At the end of no stage is 50 % shear strain in muscle exceeded.",
         "Strains against damage thresholds. Of the donned socket, before its loads. Magnitude",
         "outer face under loads evenly",
     ):
@@ -77,7 +79,17 @@ def test_a_lined_socket_that_is_donned_wide_and_loaded_evenly(tmp_path):
 
 
 def test_a_force_that_is_not_borne_is_in_the_answer(tmp_path):
-    text = report(tmp_path / "bare", loads=[OVER])
+    low = DamageThresholds(muscle_shear_pct=1.0)
+    text = report(tmp_path / "bare", low, loads=[OVER])
+    (share,) = re.findall(
+        r"At the end of stage over, 1 % shear strain in muscle is exceeded in ([\d.]+) % of the "
+        r"tissue\.", text
+    )  # fmt: skip
+    (before,) = re.findall(
+        r"In the donned socket, before its loads, 1 % shear strain in muscle is exceeded in "
+        r"([\d.]+) % of the tissue\.", text
+    )  # fmt: skip
+    assert float(share) > float(before) > 0
     for sentence in (
         "Not all loads are borne: stage over, limit reached at moment",
         "N mm/mm of 30.",

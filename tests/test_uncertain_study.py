@@ -11,6 +11,7 @@ from report_text import write_small
 
 from calfsocket import cli
 from calfsocket.io.errors import InputError, SolveError
+from calfsocket.report.figures.uncertain import pressure_band
 from calfsocket.simulation.results import load_results
 from calfsocket.simulation.uncertain import EVALUATED
 from calfsocket.study import runner
@@ -145,6 +146,8 @@ def test_too_few_solved_cases_have_no_bands(results, tmp_path):
     run = json.loads((folder / "run.json").read_text())
     for number in (1, 2, 3):
         run["cases"][f"A@u00{number}_combined"].update(status="failed", message="stopped")
+    for number in (1, 2, 3, 4):
+        run["cases"][f"A@u00{number}_combined"]["checks"]["negative_modes"] = 1
     (folder / "run.json").write_text(json.dumps(run))
     for name in EVALUATED:
         (folder / name).unlink()
@@ -154,6 +157,7 @@ def test_too_few_solved_cases_have_no_bands(results, tmp_path):
     assert row.mean_of_cases > 0 and found.shares.empty and found.pressure.empty
     page = write_small(load_results(folder)).read_text()
     assert "These are too few for a chaos in so many inputs" in page
+    assert "1 of 8 cases of the design: unstable equilibrium" in page  # not those that failed
 
 
 def test_the_report_shows_bands_and_what_matters(results, tmp_path):
@@ -291,6 +295,18 @@ def test_the_report_shows_the_last_state_and_what_checks_it(loaded, tmp_path):
     assert set(table.state) == {"donned", "walk"} and (table.check_cases == 10).all()
 
 
+def test_every_panel_shows_the_whole_band_of_pressure(loaded):
+    results = load_results(loaded)
+    table = results.uncertainty.pressure
+    later = table.state != "donned"
+    columns = ["low_kPa", "median_kPa", "high_kPa", "nominal_kPa"]
+    table.loc[later, columns] *= 3.0  # far above the first panel
+    frame = next(iter(results.records.values())).frame
+    figure = pressure_band(table, frame)
+    for axes in figure.axes:
+        assert axes.get_ylim()[0] == 0 and axes.get_ylim()[1] > table.high_kPa.max()
+
+
 def test_three_ranks_fit_the_same_numbers(loaded, mpirun, tmp_path):
     folder = tmp_path / "results"
     shutil.copytree(loaded, folder)
@@ -318,7 +334,9 @@ def test_another_seed_is_another_study(given, results, tmp_path, capsys):
     path = given.parent / "seed.toml"
     path.write_text(STUDY.replace("cases = 8", "cases = 8\nseed = 2"))
     assert cli.main(["run", str(path), "--out", str(results), "--resume"]) == 2
-    assert "contains results of other inputs (case A@u001_combined" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "contains results of other inputs (case A@u001_combined" in said
+    assert "case A@u005_combined and 3 more changed)" in said and "u006" not in said
 
 
 def test_cases_that_check_can_be_added_to_a_study_that_is_solved(given, results, tmp_path):

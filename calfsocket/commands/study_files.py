@@ -79,7 +79,7 @@ def listing(path: Path, plan: "Plan") -> str:
             f"{on.largest_overlap:12.2f} mm  {on.largest_angle:3.0f} deg"
         )
     if uncertain := plan.document.uncertainty:
-        check = f", {uncertain.check} of them for each to check it" if uncertain.check else ""
+        check = f", {uncertain.check} of them to check it" if uncertain.check else ""
         lines.append(f"  and {n - len(listed)} of a design in uncertain inputs{check}:")
         lines += [f"    {name}: {of.words}" for name, of in uncertain.inputs.items()]
     lines += [f"  {notice}" for notice in plan.notices]

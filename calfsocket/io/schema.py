@@ -223,6 +223,9 @@ def _message(error: dict[str, Any]) -> str:
         if "tag" not in context:
             return f"{key} is missing; add it"
         return f"{key} is '{context['tag']}'; it must be one of {context['expected_tags']}"
+    if error["type"] == "too_short":
+        least = error["ctx"]["min_length"]
+        text = f"Input should have at least {least} item{'s' if least > 1 else ''}"
     text = _PLAIN.get(error["type"], text)
     if limit := _LIMITS.get(error["type"]):  # in the unit of what was written
         words, _, _ = text.rpartition(" ")

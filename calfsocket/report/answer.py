@@ -190,6 +190,29 @@ class Answer:
         return found
 
     @property
+    def damage_after_stages(self) -> list[str]:
+        """For each threshold the stage whose end is farthest beyond it, in words."""
+        table, found = self.findings.damage_after_stages, []
+        for threshold in self.findings.thresholds.all[:2]:
+            tissue, quantity = threshold.tissue, threshold.quantity
+            rows = table[(table.tissue == tissue) & (table["quantity"] == quantity)]
+            if not len(rows):
+                continue
+            limit = f"{threshold.value:g} % {names.QUANTITIES[quantity]} in {names.TISSUES[tissue]}"
+            said = measured_all(rows.area_share_pct, rows, error_of("area_share_pct"))
+            worst = rows.assign(said=said).loc[rows.area_share_pct.idxmax()]
+            if worst.area_share_pct > 0:
+                case = f" of {worst.socket} {names.material_set(worst.material_set)}"
+                stage = worst.state + case * (len(self.results) > 1)
+                beyond = f"At the end of stage {stage}, {limit} is exceeded in {worst.said} %"
+                found.append(
+                    f"{beyond} of the tissue{', the most of all stages' * (len(rows) > 1)}."
+                )
+            else:
+                found.append(f"At the end of no stage is {limit} exceeded.")
+        return found
+
+    @property
     def unstable(self) -> list[str]:
         """States whose equilibrium is not stable, with the number of negative modes."""
         records = states_of(self.findings.judged)

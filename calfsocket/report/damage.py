@@ -77,6 +77,17 @@ def damage(results: Results, thresholds: DamageThresholds) -> pd.DataFrame:
     return found.reset_index(drop=True)
 
 
+def damage_after_stages(results: Results, thresholds: DamageThresholds) -> pd.DataFrame:
+    """Return the rows of `damage` at the end of each stage of loading, its name in `state`."""
+    parts = [
+        _of_case(key, at_end, thresholds).assign(state=name)
+        for key, result in results.items()
+        for name, at_end in result.states.items()
+    ]
+    found = pd.concat([part for part in parts if len(part)] or [pd.DataFrame(columns=[*COLUMNS])])
+    return found.reset_index(drop=True)
+
+
 def _of_case(key: Key, result: Result, thresholds: DamageThresholds) -> pd.DataFrame:
     """Return the rows of a case."""
     asked = [each for each in thresholds.all if TISSUES.index(each.tissue) in result.fields.tissue]

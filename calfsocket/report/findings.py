@@ -24,7 +24,7 @@ from calfsocket.postprocess.fields import SectionFields
 from calfsocket.postprocess.quantities import SUMMARY_TISSUES
 from calfsocket.report import inputs, names
 from calfsocket.report.changes import relative_changes
-from calfsocket.report.damage import DamageThresholds, damage
+from calfsocket.report.damage import DamageThresholds, damage, damage_after_stages
 from calfsocket.report.names import SETS
 from calfsocket.report.uncertain import Uncertainty
 from calfsocket.report.variants import BASE, variants
@@ -72,6 +72,11 @@ class Findings:
     def damage(self) -> pd.DataFrame:
         """Strains against the damage thresholds."""
         return damage(self.results, self.thresholds)
+
+    @cached_property
+    def damage_after_stages(self) -> pd.DataFrame:
+        """The same at the end of each stage of loading."""
+        return damage_after_stages(self.results, self.thresholds)
 
     # --- what it draws
 

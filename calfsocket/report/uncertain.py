@@ -25,6 +25,9 @@ MOST_NAMED = 3
 NO_SHARE = 0.005
 """Share of the variance below which an input is not named."""
 
+TOGETHER = "\u00a0"
+"""Blank at which a line is not broken."""
+
 DOUBT = "*"
 """Mark of what must not be trusted."""
 
@@ -157,7 +160,9 @@ class Uncertainty:
             f"{n} of {self.drawn} cases of the design cannot bear what stage {name} asks for"
             for name, n in self.beyond_loads.items()
         ]
-        texts = (text for group in self.design.groups for r in group.records for text in r.warnings)
+        # what failed is in no number, so that its warnings would say nothing of these
+        records = (record for group in self.design.groups for record in group.records)
+        texts = (text for r in records if r.status != "failed" for text in r.warnings)
         counts = Counter(text.partition(":")[0].partition(" of ")[0] for text in texts)
         kinds = [f"{n} of {self.drawn} cases of the design: {text}" for text, n in counts.items()]
         return [*found, *kinds]
@@ -234,7 +239,9 @@ class Uncertainty:
                 "mean": [number(row.mean) for row in rows],
                 "95 % of cases": [_band(row) for row in rows],
                 "what matters most": [", ".join(self.most(row)) for row in rows],
-                "Q2": [number(row.q2) + ("" if row.trusted else f" {DOUBT}") for row in rows],
+                "Q2": [
+                    number(row.q2) + ("" if row.trusted else f"{TOGETHER}{DOUBT}") for row in rows
+                ],
             },
             index=[self.label(row) for row in rows],
         )
@@ -304,7 +311,8 @@ def _case(key: tuple[str, str]) -> str:
 
 
 def _band(row: Any) -> str:
-    return f"{number(row.low)} to {number(row.high)}" if row.trusted or row.q2 == row.q2 else ""
+    words = f"{number(row.low)} to {number(row.high)}".replace(" ", TOGETHER)
+    return words if row.trusted or row.q2 == row.q2 else ""
 
 
 def _share(row: Any) -> str:

@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 
 MOST_CASES = 1000
 
+OF_PLACEMENT = ("sockets.", "liner.")
+"""Beginnings of the parameters that decide how a socket sits on the limb."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -314,7 +317,10 @@ class Planner:
             with error_context(self._path, f"{place}: {name}: {key}"):
                 changes = design.changes(self._content, uncertain.inputs[name], name, value)
                 sweep.applied(self._content, changes)
-            self._changed_document(changes, f"{place}: {name}: {key}")
+            at = f"{place}: {name}: {key}"
+            document = self._changed_document(changes, at)
+            for section in range(len(self._sections)):
+                self._limb(section, document, _origin(changes, at, "layers."))
         return design.points(uncertain, self._content)
 
     # -- what the file asks for -----------------------------------------------------------------
@@ -406,8 +412,7 @@ class Planner:
                 if changes:  # what is drawn of it is checked, and takes time
                     content.pop("uncertainty", None)
                 refuse_absent(content)
-            words = ", ".join(f"{name} = {value!r}" for name, value in changes.items())
-            origin = f"{place}: with {words}: " if changes else ""
+            origin = _origin(changes, place)
             sockets: Any = content.get("sockets")
             for name, table in sockets.items() if isinstance(sockets, dict) else ():
                 with error_context(self._path, f"{origin}sockets.{name}"):
@@ -442,7 +447,7 @@ class Planner:
                 " like = 'HS'"
             )
         for section, (_, level) in enumerate(self._sections):
-            limb = self._limb(section, document, f"{place}: " if changes else "")
+            limb = self._limb(section, document, _origin(changes, place, "layers."))
             at = level.label if level else ""
             name = _joined(asked.socket, at, asked.label, words[0])
             self._check_own_meshes(limb, socket, document)
@@ -458,7 +463,9 @@ class Planner:
                 document=document,
                 of=(asked.socket, asked.materials),
                 changes=dict(changes),
-                placement=self._placement(socket, asked.socket, section, document),
+                placement=self._placement(
+                    socket, asked.socket, section, document, _origin(changes, place, *OF_PLACEMENT)
+                ),
                 level=level,
                 row=point.row,
             )
@@ -500,14 +507,14 @@ class Planner:
         return self._limbs[key]
 
     def _placement(
-        self, socket: AnySocket, name: str, section: int, document: Document
+        self, socket: AnySocket, name: str, section: int, document: Document, origin: str
     ) -> Placement:
         """Measure how a socket sits on a section, once for each shape; refuse one that does not."""
         floating, liner = document.model.socket_support == "floating", document.liner
         limb, level = self._sections[section]
         key = socket.model_copy(update={"name": ""}), section, floating, liner
         if key not in self._placements:
-            place = f"sockets.{name}" + (f": level {level.name}" if level else "")
+            place = f"{origin}sockets.{name}" + (f": level {level.name}" if level else "")
             with error_context(self._path, place):
                 self._placements[key] = check_placement(
                     socket, limb, floating=floating, liner=liner
@@ -525,6 +532,12 @@ class Planner:
                     f"{'/'.join(case.key)} would share the folder {case.name}; "
                     "rename a socket or a material set"
                 )
+
+
+def _origin(changes: Changes, place: str, *prefixes: str) -> str:
+    """Return where an error comes from: the changes, or those whose names begin so."""
+    words = [f"{k} = {v!r}" for k, v in changes.items() if not prefixes or k.startswith(prefixes)]
+    return f"{place}: with {', '.join(words)}: " if words else ""
 
 
 def _read_liner_law(content: Mapping[str, Any], files: Files) -> None:

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -201,6 +201,16 @@ def results_folder(out: Path, plan: Plan, overwrite: bool = False) -> Iterator[N
         yield
 
 
+MOST_NAMED = 5
+"""Changed inputs that a message names; a design has hundreds of cases."""
+
+
+def _first(words: Sequence[str]) -> str:
+    """Return the first of some words, and how many more there are."""
+    more = len(words) - MOST_NAMED
+    return ", ".join(words[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
 def _check_inputs(out: Path, plan: Plan) -> None:
     """Refuse a folder whose results were made from other inputs."""
     advice = "name another folder, or add --overwrite to replace its results"
@@ -217,5 +227,5 @@ def _check_inputs(out: Path, plan: Plan) -> None:
         words = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
         raise InputError(
             f"--out {out}: contains results of other inputs "
-            f"({', '.join(words or changed)} changed); {advice}"
+            f"({_first(words or changed)} changed); {advice}"
         )

@@ -47,7 +47,7 @@ class Distribution(Strict):
     """
 
     distribution: str
-    scales: tuple[str, ...] = ()
+    scales: Annotated[tuple[str, ...], Field(min_length=1)] = ()
     title: Annotated[str, Field(max_length=60)] = ""
     source: Annotated[str, Field(max_length=300)] = ""
 
@@ -138,9 +138,11 @@ class _Spread(Distribution):
     def _check_spread(self) -> None:
         if self.mean is None or (self.sd is None) == (self.cv is None):
             raise ValueError("give mean and one of sd and cv")
+        if self.cv is not None and self.get("mean") == 0:
+            raise ValueError("a mean of 0 has no cv; give sd in its place")
         if not self.deviation > 0:
-            what = "sd" if self.cv is None else "cv of a mean that is not 0"
-            raise ValueError(f"the {what} must be above 0")
+            key = "sd" if self.cv is None else "cv"
+            raise ValueError(f"{key} is {getattr(self, key)!r}; it must be above 0")
 
     @property
     def _spread_words(self) -> str:
@@ -172,7 +174,10 @@ class _Cut(_Spread):
             raise ValueError("give either quantiles, or mean with sd or cv")
         if len(self.quantiles or {}) != 2:
             raise ValueError('quantiles: give two, as { "5 %" = 1.0, "95 %" = 2.0 }')
-        (p, a), (q, b) = self._points
+        try:
+            (p, a), (q, b) = self._points
+        except ValueError as error:
+            raise ValueError(f"quantiles: {error}") from None
         if not (0 < p < q < 1 and a < b):
             raise ValueError("quantiles: shares must be above 0 % and below 100 %, and values grow")
 
@@ -459,7 +464,7 @@ class Choice(Distribution):
     def words(self) -> str:
         """The distribution as a reader knows it."""
         if self.weights is None:
-            return " or ".join(map(str, self.values)) + ", alike"
+            return " or ".join(map(str, self.values)) + ", equally likely"
         total = sum(self.weights)
         pairs = zip(self.values, self.weights, strict=True)
         return " or ".join(f"{value} ({100 * weight / total:.3g} %)" for value, weight in pairs)

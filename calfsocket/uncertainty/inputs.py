@@ -115,13 +115,19 @@ class Uncertainty(Strict):
         return self
 
     def _check_parameters(self) -> None:
-        """Refuse names that are no words, and a parameter that two inputs change."""
+        """Refuse names that are no words, and a parameter or title that two inputs share."""
         owner: dict[str, str] = {}
+        titled: dict[str, str] = {}
         for name, each in self.inputs.items():
             if not NAME.fullmatch(name):
                 raise ValueError(
                     f"inputs: {name!r} is no name; use up to 80 letters, digits, blanks and "
                     "._+'- that begin with a letter"
+                )
+            if titled.setdefault(each.title or name, name) != name:
+                raise ValueError(
+                    f"inputs: {name}: title: {each.title or name!r} is that of"
+                    f" '{titled[each.title or name]}', too; give each input its own"
                 )
             for parameter in each.scales or (name,):
                 if owner.setdefault(parameter, name) != name:

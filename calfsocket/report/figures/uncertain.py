@@ -65,11 +65,12 @@ def pressure_band(table: pd.DataFrame, frame: Frame) -> Figure:
                       label="file's values")  # fmt: skip
         at = f", {state}" if several else ""
         axes.set_title(f"{socket} {names.material_set(name)}{at}")
-        axes.set(xlim=(0, 360), ylim=(0, None), ylabel="contact pressure, kPa")
+        axes.set(xlim=(0, 360), ylabel="contact pressure, kPa")
         words = [*frame.words, frame.words[0]]
         axes.set_xticks(np.arange(0, 361, 90), words)
         axes.grid(linewidth=0.3, color="0.85")
         axes.label_outer()
+    every[0, 0].set_ylim(bottom=0)  # of all panels, and so only when all are drawn
     for axes in every.ravel()[len(groups) :]:
         axes.remove()
     handles, labels = every[0, 0].get_legend_handles_labels()
