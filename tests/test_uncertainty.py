@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, spearmanr
 
-from calfsocket.uncertainty.chaos import Basis, fit
+from calfsocket.uncertainty.chaos import Basis, fit, independent, select
 from calfsocket.uncertainty.failures import pattern
 from calfsocket.uncertainty.field import fit_field
 from calfsocket.uncertainty.inputs import Uncertainty
@@ -142,6 +142,17 @@ def test_an_output_that_does_not_vary_has_no_shares():
     chaos = fit(basis, table.drawn, np.full(20, 100.0))
     assert (chaos.mean, chaos.variance, chaos.sd) == (100, 0, 0)
     assert np.isnan(Explained(basis)(chaos).first).all()
+
+
+def test_dependent_columns_are_selected_from_as_well():
+    """Few cases and a choice of values leave terms that are combinations of others."""
+    rng = np.random.default_rng(5)
+    a, choice = rng.normal(size=11), np.repeat([-1.0, 1.0], [5, 6])
+    matrix = np.column_stack([np.ones(11), a, choice, choice**2 - 1.0, a * choice, a * choice**3,
+                              1.0 + choice, *(a * choice**k for k in range(2, 8))])  # fmt: skip
+    assert independent(matrix).tolist() == [0, 1, 2, 4]
+    output = 3.0 + 2.0 * a - choice + 0.01 * rng.normal(size=11)
+    assert matrix @ select(matrix, output) == pytest.approx(output, abs=0.05)
 
 
 def test_a_field_has_the_band_of_its_points():

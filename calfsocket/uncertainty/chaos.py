@@ -41,6 +41,10 @@ SAMPLE = 2**14
 BAND = (0.025, 0.975)
 """Shares below the ends of a band of 95 %."""
 
+DEPENDENT = 1e-8
+"""A column with less than this share of its length beside the columns before it has only rounding
+of its own."""
+
 Multi = NDArray[np.int64]
 
 
@@ -279,6 +283,40 @@ def select(matrix: Array, output: Array) -> Array:
     """
     if matrix.shape[1] == 1:
         return np.array([output.mean()])
+    if not _deficient(matrix):
+        return _least_angle(matrix, output)
+    kept = independent(matrix)
+    coefficients = np.zeros(matrix.shape[1])
+    coefficients[kept] = _least_angle(matrix[:, kept], output)
+    return coefficients
+
+
+def _deficient(matrix: Array) -> bool:
+    """Whether columns are combinations of others, or cases where there are more columns.
+
+    Least angle regression then ends early (OpenTURNS 1.24), or is refused (1.27).
+    """
+    upright = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
+    own = np.abs(np.diag(np.linalg.qr(upright, mode="r")))
+    return bool((own <= DEPENDENT * np.linalg.norm(upright, axis=0)).any())
+
+
+def independent(matrix: Array) -> NDArray[np.int64]:
+    """Return the columns that are no combination of those before them."""
+    basis = np.empty((len(matrix), 0))
+    kept = []
+    for number, column in enumerate(matrix.T):
+        rest = column - basis @ (basis.T @ column)
+        rest -= basis @ (basis.T @ rest)  # what rounding has left of it
+        length = np.linalg.norm(rest)
+        if length > DEPENDENT * np.linalg.norm(column):
+            basis = np.column_stack([basis, rest / length])
+            kept.append(number)
+    return np.array(kept)
+
+
+def _least_angle(matrix: Array, output: Array) -> Array:
+    """Select among columns as `select` does, the constant the first of them."""
     import openturns as ot
 
     n, p = matrix.shape
