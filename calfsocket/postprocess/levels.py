@@ -71,6 +71,7 @@ def level(
         One of the values for each share, in their unit.
     """
     # As np.quantile by its method "inverted_cdf", which takes five times as long for a hundred.
+    values, weights = np.asarray(values), np.asarray(weights)
     order = np.argsort(values)
     cumulative = np.cumsum(weights[order])
     cumulative /= cumulative[-1]
