@@ -186,7 +186,7 @@ def solution(subject: Subject) -> Numbers:
         found[f"case_{size}_s"] = ended.processor
         found[f"case_{size}_MB"] = ended.memory
         found[f"solution_over_algebra_{size}"] = float(seconds["phase", "solve"] / algebra)
-        found[f"newton_iterations_{size}"] = float(profile["calls"][factorised])
+        found[f"factorisations_{size}"] = float(profile["calls"][factorised])
     return found
 
 
