@@ -309,8 +309,7 @@ class SocketSizes:
         points = [curve.evaluate(curve.sample(SAMPLE_STEP)) for curve in faces]
         self._on_face = [len(each) for each in points]
         self._around = Surroundings(np.concatenate(points))
-        on_skin = skin.evaluate(skin.sample(SAMPLE_STEP))
-        self._opposite = on_skin[_tree(on_skin).query(points[0])[1]]
+        self._first_face, self._skin = points[0], skin
 
     def field(self, size: MeshSize) -> SizeField:
         """Return the field of a size."""
@@ -326,7 +325,9 @@ class SocketSizes:
         them.
         """
         sizes = np.full(sum(self._on_face), size.largest)
-        sizes[: self._on_face[0]] = limb.at(self._opposite)
+        on_skin = self._skin.evaluate(self._skin.sample(SAMPLE_STEP))
+        opposite = on_skin[_tree(on_skin).query(self._first_face)[1]]
+        sizes[: self._on_face[0]] = limb.at(opposite)
         values = np.minimum(field.values, self._around.spread(sizes, size).values)
         return replace(field, values=values)
 

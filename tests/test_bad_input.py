@@ -643,6 +643,20 @@ def shortened(line: str, folder: Path) -> str:
     return line.replace(f"{folder}/", "").replace(str(folder), "FOLDER")
 
 
+def check_trial(trial: Trial, said, folder: Path, monkeypatch, longest: int) -> None:
+    """Check the line that a trial gives, that the page has it, and that nothing is written."""
+    work, given = folder / "work", folder / "given"
+    work.mkdir()
+    given.mkdir()
+    monkeypatch.chdir(work)
+    line = said(trial, given)
+    for part in trial.says:
+        assert part in line
+    assert len(line) < longest
+    assert reliability.row(trial, line) in reliability.rows()
+    assert list(work.iterdir()) == []
+
+
 @pytest.mark.parametrize("trial", TRIALS, ids=str)
 def test_bad_input_gets_one_line(trial, tmp_path, monkeypatch):
     work = tmp_path / "work"

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from mesh_files import deck
 from numpy.typing import NDArray
-from test_bad_input import refused, shortened
+from test_bad_input import check_trial, refused, shortened
 
 import calfsocket as cs
-import reliability
 from reliability import Trial
 
 TITLE = "Meshes of other programs"
@@ -397,13 +396,4 @@ def words_of(trial: Trial, folder: Path) -> Sequence[str]:
 def test_a_bad_mesh_gets_one_line(
     trial: Trial, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    work, given = tmp_path / "work", tmp_path / "given"
-    work.mkdir()
-    given.mkdir()
-    monkeypatch.chdir(work)
-    line = shortened(refused(words_of(trial, given)), given)
-    for part in trial.says:
-        assert part in line
-    assert len(line) < 700
-    assert reliability.row(trial, line) in reliability.rows()
-    assert list(work.iterdir()) == []
+    check_trial(trial, said, tmp_path, monkeypatch, longest=700)

@@ -11,10 +11,9 @@ import pytest
 import pyvista
 from phantom import HEIGHT, Phantom
 from PIL import Image
-from test_bad_input import refused, shortened
+from test_bad_input import check_trial, refused, shortened
 from test_imaging_labels import metaimage, nifti, nrrd
 
-import reliability
 from drawings import outlined_svg
 from reliability import Trial
 
@@ -428,17 +427,7 @@ def said(trial: Trial, folder: Path) -> str:
 def test_a_bad_source_gets_one_line(
     trial: Trial, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    work, given = tmp_path / "work", tmp_path / "given"
-    work.mkdir()
-    given.mkdir()
-    monkeypatch.chdir(work)
-    words = trial.given(given)
-    line = shortened(refused(["limb", *words]), given)
-    for part in trial.says:
-        assert part in line
-    assert len(line) < 400
-    assert reliability.row(trial, line) in reliability.rows()
-    assert list(work.iterdir()) == []
+    check_trial(trial, said, tmp_path, monkeypatch, longest=400)
 
 
 def test_there_are_more_than_forty() -> None:

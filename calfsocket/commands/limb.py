@@ -329,14 +329,13 @@ def _meshed(arguments: Namespace) -> "MeshedLimb":
     """Return the limb with a mesh of its own."""
     from calfsocket.imaging.mesh.limb import limb_of_mesh
     from calfsocket.imaging.mesh.plane_mesh import ON_CURVE
-    from calfsocket.imaging.mesh.sets import read_sets
 
     _check_options_of_mesh(arguments, _FILLING)
     if arguments.tolerance is not None and arguments.geometry is None:
         raise InputError(f"--tolerance: {_NOT_OF_MESHES}, or add --geometry")
     return limb_of_mesh(
         arguments.source[0],
-        read_sets(arguments.sets) if arguments.sets else None,
+        arguments.sets,
         units=arguments.units,
         data=arguments.data,
         said=_said(arguments),
@@ -350,13 +349,12 @@ def _meshed(arguments: Namespace) -> "MeshedLimb":
 def _outlines_of_mesh(arguments: Namespace) -> "Section":
     """Return the section that a mesh is of."""
     from calfsocket.imaging.mesh.limb import section_of_mesh
-    from calfsocket.imaging.mesh.sets import read_sets
     from calfsocket.imaging.section import TOLERANCE
 
     _check_options_of_mesh(arguments)
     return section_of_mesh(
         arguments.source[0],
-        read_sets(arguments.sets) if arguments.sets else None,
+        arguments.sets,
         units=arguments.units,
         data=arguments.data,
         said=_said(arguments),

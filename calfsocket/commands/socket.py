@@ -144,7 +144,6 @@ def socket(arguments: Namespace) -> None:
 
 def _write_meshed(arguments: Namespace) -> None:
     """Write a socket with a mesh of its own."""
-    from calfsocket.imaging.mesh.sets import read_sets
     from calfsocket.imaging.mesh.socket import socket_of_mesh
     from calfsocket.meshes.limb import Limb
     from calfsocket.meshes.quality import smallest_angles
@@ -161,7 +160,7 @@ def _write_meshed(arguments: Namespace) -> None:
     made = socket_of_mesh(
         arguments.source,
         worn_by,
-        read_sets(arguments.sets) if arguments.sets else None,
+        arguments.sets,
         units=arguments.units,
         data=arguments.data,
         geometry=arguments.geometry,

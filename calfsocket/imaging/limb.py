@@ -15,7 +15,6 @@ from calfsocket.imaging.labels import read_labels
 from calfsocket.imaging.lumped import SKIN_THICKNESS, lumped
 from calfsocket.imaging.mesh.limb import limb_of_mesh, section_of_mesh
 from calfsocket.imaging.mesh.plane_mesh import ON_CURVE
-from calfsocket.imaging.mesh.sets import read_sets
 from calfsocket.imaging.plane import Level
 from calfsocket.imaging.section import TOLERANCE, Section, section
 from calfsocket.imaging.source import Source, read_surface
@@ -292,7 +291,6 @@ class Limb(meshes.Limb):
         InputError
             One line: file, place, and what to do.
         """
-        table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
         said = Said(side, None, anterior)
         if not outlines:
             for name in filling:
@@ -300,7 +298,7 @@ class Limb(meshes.Limb):
                                  " is; add outlines = True")  # fmt: skip
             within = ON_CURVE if tolerance is None else tolerance
             made = limb_of_mesh(
-                path, table, units=units, data=data, said=said, seen_from=seen_from, fixed=fixed,
+                path, sets, units=units, data=data, said=said, seen_from=seen_from, fixed=fixed,
                 geometry=geometry, tolerance=within,
             )  # fmt: skip
             return cls._of(made.limb)
@@ -308,7 +306,7 @@ class Limb(meshes.Limb):
             if value is not None:
                 raise InputError(f"{name}: belongs to a mesh that is solved as it is; leave it out")
         part = section_of_mesh(
-            path, table, units=units, data=data, said=said, seen_from=seen_from,
+            path, sets, units=units, data=data, said=said, seen_from=seen_from,
             tolerance=TOLERANCE if tolerance is None else tolerance,
         )  # fmt: skip
         return cls._of(imported(part, filling).limb)

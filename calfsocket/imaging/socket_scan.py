@@ -12,7 +12,6 @@ import shapely
 import calfsocket
 from calfsocket.imaging import registration
 from calfsocket.imaging.mesh.plane_mesh import ON_CURVE
-from calfsocket.imaging.mesh.sets import read_sets
 from calfsocket.imaging.mesh.socket import socket_of_mesh
 from calfsocket.imaging.plane import Plane, cut
 from calfsocket.imaging.registration import Face, Motion, Registration, Skin
@@ -403,11 +402,10 @@ class Socket(meshes.Socket):
         InputError
             One line: file, place, and what to do.
         """
-        table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
         return socket_of_mesh(
             path,
             limb,
-            table,
+            sets,
             units=units,
             data=data,
             geometry=geometry,

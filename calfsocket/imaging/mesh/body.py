@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calfsocket.imaging.mesh.plane_mesh import Loop, PlaneMesh, curved
 from calfsocket.imaging.mesh.reader import ReadMesh, read_mesh
-from calfsocket.imaging.mesh.sets import Assigned, Sets, assigned
+from calfsocket.imaging.mesh.sets import Assigned, Sets, assigned, read_sets
 from calfsocket.imaging.surface import UNITS, check_size
 from calfsocket.io.errors import InputError
 from calfsocket.io.schema import nearest
@@ -19,15 +19,20 @@ from calfsocket.meshes.triangles import TriangleMesh
 
 
 def read_body(
-    path: Path | str, sets: Sets | None, units: str, data: str | None, keep: str | None = None
+    path: Path | str,
+    sets: Sets | Path | str | None,
+    units: str,
+    data: str | None,
+    keep: str | None = None,
 ) -> tuple[ReadMesh, Assigned]:
     """Read a file and what its sets are, the regions of a limb or those that are called `keep`."""
+    table = read_sets(Path(sets)) if isinstance(sets, Path | str) else sets
     if units not in UNITS:
         raise InputError(f"units: is '{units}'; {nearest(units, UNITS)}")
     read = read_mesh(path, data)
     a, b, c = read.points[read.cells[:, :3]].transpose(1, 0, 2) * UNITS[units]
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    parts = assigned(read, sets, area, keep)
+    parts = assigned(read, table, area, keep)
     corners = read.points[read.cells[parts.of >= 0, :3]].reshape(-1, 3)
     check_size(str(path), corners * UNITS[units], units, keep or "limb")
     return read, parts

@@ -58,7 +58,7 @@ class MeshedLimb:
 
 def limb_of_mesh(
     path: Path | str,
-    sets: Sets | None = None,
+    sets: Sets | Path | str | None = None,
     *,
     units: str = "mm",
     data: str | None = None,
@@ -130,7 +130,7 @@ def limb_of_mesh(
 
 def section_of_mesh(
     path: Path | str,
-    sets: Sets | None = None,
+    sets: Sets | Path | str | None = None,
     *,
     units: str = "mm",
     data: str | None = None,

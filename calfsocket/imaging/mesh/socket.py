@@ -21,7 +21,7 @@ from calfsocket.meshes.socket import MeshedSocket, MeshProvenance, Socket
 def socket_of_mesh(
     path: Path | str,
     limb: meshes.Limb,
-    sets: Sets | None = None,
+    sets: Sets | Path | str | None = None,
     *,
     units: str = "mm",
     data: str | None = None,
