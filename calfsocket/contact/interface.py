@@ -15,7 +15,13 @@ from calfsocket.contact import nitsche
 from calfsocket.contact.active_set import ActiveSet
 from calfsocket.contact.nitsche import ContactState, SkinPoints
 from calfsocket.contact.parameters import Contact
-from calfsocket.contact.projection import EdgeChain, along_chain, order_chain, shape_functions
+from calfsocket.contact.projection import (
+    EdgeChain,
+    Projection,
+    along_chain,
+    order_chain,
+    shape_functions,
+)
 from calfsocket.forms import mixed
 from calfsocket.forms.kinematics import deformation_gradient
 from calfsocket.io.errors import InputError
@@ -187,7 +193,8 @@ class ContactInterface:
         self._skin_dofs = np.repeat(dofs, parameters.gauss_points, axis=0)
 
         position = self.deformed_points()
-        start = self.chain.project(position, self.socket_displacement())
+        self._projected: tuple[FloatArray, FloatArray, Projection] | None = None
+        start = self._project(position, self.socket_displacement())
         gap = np.sum((position - start.point) * start.normal, axis=1)
         self._initial_overclosure = np.minimum(gap, 0.0)
         self._initial_arc = start.arc
@@ -332,7 +339,7 @@ class ContactInterface:
             nominal_traction = self.nominal_traction()
         position = self.deformed_points()
         displacement = self.socket_displacement()
-        projection = self.chain.project(position, displacement)
+        projection = self._project(position, displacement)
         stay, beyond = self.active_set.returning(projection.edge)
         projection = self.chain.stay(projection, position, displacement, stay, beyond)
         return nitsche.contact_state(
@@ -344,6 +351,16 @@ class ContactInterface:
             self.parameters,
             self.active_set,
         )
+
+    def _project(self, position: FloatArray, displacement: FloatArray) -> Projection:
+        """Project skin points; a tangent is asked for where the residual has just been."""
+        last = self._projected
+        if last is None or not (
+            np.array_equal(position, last[0]) and np.array_equal(displacement, last[1])
+        ):
+            last = position, displacement, self.chain.project(position, displacement)
+            self._projected = last
+        return last[2]
 
     def largest_gap(self) -> float:
         """Largest |gap| in mm where there is contact, the released share counted (collective)."""

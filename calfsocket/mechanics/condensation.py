@@ -185,14 +185,20 @@ class CondensedTangent:
     def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
         """Add contact to the matrix; return how many entries its pattern lacks."""
         layout = self.layout
-        if self._contact_edge is None or not np.array_equal(edge, self._contact_edge):
-            self._contact_edge = edge
-            self._contact_rows = np.concatenate(
-                [layout.skin_numbers, layout.socket_numbers[edge]], axis=1
+        if self._contact_edge is None:
+            moved = np.arange(len(edge))
+            self._contact_rows = np.empty((len(edge), 12), dtype=np.int32)
+            self._contact_positions = np.empty((len(edge), 12, 12 + OUTSIDE), dtype=np.int32)
+        else:
+            moved = np.flatnonzero(edge != self._contact_edge)
+        if len(moved):
+            rows = np.concatenate(
+                [layout.skin_numbers[moved], layout.socket_numbers[edge[moved]]], axis=1
             )
-            of_cells = layout.numbers[layout.skin_cells]
-            columns = np.concatenate([self._contact_rows, of_cells], axis=1)
-            self._contact_positions = layout.locate(self._contact_rows, columns)
+            columns = np.concatenate([rows, layout.numbers[layout.skin_cells[moved]]], axis=1)
+            self._contact_rows[moved] = rows
+            self._contact_positions[moved] = layout.locate(rows, columns)
+        self._contact_edge = edge
         return int(
             self._library.call(
                 "add_at", blocks.size, self._contact_positions, blocks, layout.values

@@ -17,6 +17,7 @@ from calfsocket.contact.interface import ContactInterface
 from calfsocket.io.fenics import numbering
 from calfsocket.io.petsc_options import OPTIONS_PREFIX, defaults
 from calfsocket.mechanics.kernels.library import Library
+from calfsocket.mechanics.ordering import nested_dissection
 
 IntArray = NDArray[np.int32]
 
@@ -70,7 +71,8 @@ class Layout:
         self._lay_out(contact)
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
-        with defaults():
+        order = {"pc_factor_mat_ordering_type": "natural"} if self._is_ordered else {}
+        with defaults(**order):
             self.ksp.setFromOptions()
 
     def fits(
@@ -111,6 +113,7 @@ class Layout:
         is_outside[constrained] = False
         is_outside[dofs[keeps_constant, PRESSURE][:, 0]] = True
         self.unknowns = np.flatnonzero(is_outside[: index_map.size_local])
+        self._order(V, contact)
         first = self._comm.exscan(len(self.unknowns)) or 0
         numbers = la.vector(index_map, dtype=np.int64)
         numbers.array[:] = -1
@@ -142,6 +145,32 @@ class Layout:
         on_skin = self._local(numbers.array[contact.skin.dofs]).reshape(-1, 6)
         self.skin_numbers = np.repeat(on_skin, n_points, axis=0)
         self.socket_numbers = self._local(socket)
+
+    def _order(self, V: fem.FunctionSpace, contact: ContactInterface | None) -> None:
+        """Sort the unknowns as they are best eliminated, where one rank has all of them."""
+        self._is_ordered = False
+        if self._comm.size > 1:
+            return
+        x = V.dofmap.list[:, DISPLACEMENTS[:6]]
+        cliques = [x[:, :3]]
+        if contact is not None:
+            skin = x[contact.skin.entities[:, 0], :3]
+            socket = contact.along_socket(contact.socket.dofs)[:, :4:2]
+            cliques += [np.column_stack([skin, socket[edges]]) for edges in self._ahead.T]
+        corners = np.unique(x[:, :3])
+        vertex = np.empty(len(self._constrained), dtype=np.int32)
+        vertex[corners] = np.arange(len(corners))
+        place = nested_dissection([vertex[clique] for clique in cliques], len(corners))
+        if place is None:
+            return
+        first = 3 * place[vertex[x[:, :3]]]
+        rank = np.zeros(len(vertex), dtype=np.int64)
+        rank[x[:, 3:]] = np.minimum(first[:, [1, 0, 0]], first[:, [2, 2, 1]])
+        rank[x[:, :3]] = first + 1
+        rank[V.dofmap.list[:, DISPLACEMENTS[6:]]] = rank[x]
+        rank[V.dofmap.list[:, PRESSURE][:, 0]] = first.min(axis=1) + 2
+        self.unknowns = self.unknowns[np.argsort(rank[self.unknowns], kind="stable")]
+        self._is_ordered = True
 
     def _local(self, numbers: NDArray[np.int64]) -> IntArray:
         """Local numbers outside of global ones; -1 remains."""
