@@ -37,6 +37,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 INSIDE, OUTSIDE = 5, 13
+ON_EDGE = 6
 _BUBBLE = slice(12, 14)
 # Unknowns of a cell that stay outside, with the constant pressure in the place of the first one,
 # and those inside.
@@ -121,7 +122,11 @@ class CondensedTangent:
         self.layout = layout
         self._keeps_constant = layout.keeps_constant[: len(self._inside)].astype(np.uint8)
         self._vector = la.vector(layout.outside)
-        self._contact_edge: NDArray[np.int64] | None = None
+        if self._contact is not None:
+            n, on_both = len(layout.skin_cells), 2 * ON_EDGE
+            self._contact_edge = np.full(n, -1)
+            self._contact_rows = np.empty((n, on_both), dtype=np.int32)
+            self._contact_positions = np.empty((n, on_both, on_both + OUTSIDE), dtype=np.int32)
         self._assembled = False
         self._singular = False
         self._b, self._x = layout.matrix.createVecs()
@@ -184,26 +189,25 @@ class CondensedTangent:
 
     def _add_contact(self, edge: NDArray[np.int64], blocks: FloatArray) -> int:
         """Add contact to the matrix; return how many entries its pattern lacks."""
-        layout = self.layout
-        if self._contact_edge is None:
-            moved = np.arange(len(edge))
-            self._contact_rows = np.empty((len(edge), 12), dtype=np.int32)
-            self._contact_positions = np.empty((len(edge), 12, 12 + OUTSIDE), dtype=np.int32)
-        else:
-            moved = np.flatnonzero(edge != self._contact_edge)
-        if len(moved):
-            rows = np.concatenate(
-                [layout.skin_numbers[moved], layout.socket_numbers[edge[moved]]], axis=1
-            )
-            columns = np.concatenate([rows, layout.numbers[layout.skin_cells[moved]]], axis=1)
-            self._contact_rows[moved] = rows
-            self._contact_positions[moved] = layout.locate(rows, columns)
-        self._contact_edge = edge
+        self._locate_contact(edge)
         return int(
             self._library.call(
-                "add_at", blocks.size, self._contact_positions, blocks, layout.values
+                "add_at", blocks.size, self._contact_positions, blocks, self.layout.values
             )
         )
+
+    def _locate_contact(self, edge: NDArray[np.int64]) -> None:
+        """Find rows and places of the contact points that are at another edge than before."""
+        layout = self.layout
+        moved = np.flatnonzero(edge != self._contact_edge)
+        if len(moved) == 0:
+            return
+        sides = layout.skin_numbers[moved], layout.socket_numbers[edge[moved]]
+        rows = np.concatenate(sides, axis=1)
+        columns = np.concatenate([rows, layout.numbers[layout.skin_cells[moved]]], axis=1)
+        self._contact_edge[moved] = edge[moved]
+        self._contact_rows[moved] = rows
+        self._contact_positions[moved] = layout.locate(rows, columns)
 
     def negative_inside(self) -> int:
         """Count the negative eigenvalues of K_ii, of all cells (collective)."""

@@ -50,6 +50,8 @@ class Layout:
         The matrix's values, with rows of other ranks behind those of this one.
     matrix : PETSc.Mat
         The condensed matrix.
+    is_ordered : bool
+        Whether the unknowns are in the order of elimination; MUMPS finds one where they are not.
     ksp : PETSc.KSP
         Its solver.
     """
@@ -67,11 +69,12 @@ class Layout:
         self._constrained = constrained.copy()
         self.keeps_constant = keeps_constant.copy()
         self._ahead = _edges_ahead(contact)
+        self.is_ordered = False
         self._number(V, contact)
         self._lay_out(contact)
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(OPTIONS_PREFIX)
-        order = {"pc_factor_mat_ordering_type": "natural"} if self._is_ordered else {}
+        order = {"pc_factor_mat_ordering_type": "natural"} if self.is_ordered else {}
         with defaults(**order):
             self.ksp.setFromOptions()
 
@@ -113,7 +116,8 @@ class Layout:
         is_outside[constrained] = False
         is_outside[dofs[keeps_constant, PRESSURE][:, 0]] = True
         self.unknowns = np.flatnonzero(is_outside[: index_map.size_local])
-        self._order(V, contact)
+        if self._comm.size == 1:
+            self._order(V, contact)
         first = self._comm.exscan(len(self.unknowns)) or 0
         numbers = la.vector(index_map, dtype=np.int64)
         numbers.array[:] = -1
@@ -147,30 +151,29 @@ class Layout:
         self.socket_numbers = self._local(socket)
 
     def _order(self, V: fem.FunctionSpace, contact: ContactInterface | None) -> None:
-        """Sort the unknowns as they are best eliminated, where one rank has all of them."""
-        self._is_ordered = False
-        if self._comm.size > 1:
-            return
-        x = V.dofmap.list[:, DISPLACEMENTS[:6]]
-        cliques = [x[:, :3]]
+        """Sort the unknowns as they are best eliminated, where one rank has them all.
+
+        The order is that of the mesh's vertices. A node between two of them, which has no other
+        neighbours than theirs, comes before both, and a cell's constant pressure behind the first
+        vertex of its cell: alone it meets nothing but 1/K.
+        """
+        x, vertices = V.dofmap.list[:, DISPLACEMENTS[:6]], V.dofmap.list[:, DISPLACEMENTS[:3]]
+        cliques = [vertices]
         if contact is not None:
-            skin = x[contact.skin.entities[:, 0], :3]
-            socket = contact.along_socket(contact.socket.dofs)[:, :4:2]
+            skin = vertices[contact.skin.entities[:, 0]]
+            socket = contact.along_socket(contact.socket.dofs)[:, [0, 2]]
             cliques += [np.column_stack([skin, socket[edges]]) for edges in self._ahead.T]
-        corners = np.unique(x[:, :3])
-        vertex = np.empty(len(self._constrained), dtype=np.int32)
-        vertex[corners] = np.arange(len(corners))
-        place = nested_dissection([vertex[clique] for clique in cliques], len(corners))
+        place = nested_dissection(cliques)
+        self.is_ordered = place is not None
         if place is None:
             return
-        first = 3 * place[vertex[x[:, :3]]]
-        rank = np.zeros(len(vertex), dtype=np.int64)
-        rank[x[:, 3:]] = np.minimum(first[:, [1, 0, 0]], first[:, [2, 2, 1]])
-        rank[x[:, :3]] = first + 1
+        of_cells = 3 * place[vertices]
+        rank = np.zeros(len(self._constrained), dtype=np.int64)
+        rank[x[:, 3:]] = np.minimum(of_cells[:, [1, 0, 0]], of_cells[:, [2, 2, 1]])
+        rank[vertices] = of_cells + 1
         rank[V.dofmap.list[:, DISPLACEMENTS[6:]]] = rank[x]
-        rank[V.dofmap.list[:, PRESSURE][:, 0]] = first.min(axis=1) + 2
+        rank[V.dofmap.list[:, PRESSURE][:, 0]] = of_cells.min(axis=1) + 2
         self.unknowns = self.unknowns[np.argsort(rank[self.unknowns], kind="stable")]
-        self._is_ordered = True
 
     def _local(self, numbers: NDArray[np.int64]) -> IntArray:
         """Local numbers outside of global ones; -1 remains."""

@@ -134,6 +134,10 @@ void add_tangents(int n, const int32_t *cells, const double *element, const doub
         const int32_t *position = positions + (size_t)cell * OUTSIDE * OUTSIDE;
         element_matrix A;
         condensed_matrix S;
+        /* The matrix's values lie apart, and come from memory while the tangent is computed. */
+        for (int k = 0; k < OUTSIDE * OUTSIDE; ++k)
+            if (position[k] >= 0)
+                __builtin_prefetch(values + position[k], 1);
         element_tangent(&t, cell, &A);
         eliminate(&A, keeps_constant[cell], inverse + (size_t)cell * INSIDE * INSIDE,
                   coupling + (size_t)cell * INSIDE * OUTSIDE, &S);
