@@ -413,6 +413,8 @@ class Planner:
                     content.pop("uncertainty", None)
                 refuse_absent(content)
             origin = _origin(changes, place)
+            if (part := _part_of_liner(self._content, content)) and changes:
+                raise InputError(f"{self._path}: {origin}{part}")
             sockets: Any = content.get("sockets")
             for name, table in sockets.items() if isinstance(sockets, dict) else ():
                 with error_context(self._path, f"{origin}sockets.{name}"):
@@ -538,6 +540,18 @@ def _origin(changes: Changes, place: str, *prefixes: str) -> str:
     """Return where an error comes from: the changes, or those whose names begin so."""
     words = [f"{k} = {v!r}" for k, v in changes.items() if not prefixes or k.startswith(prefixes)]
     return f"{place}: with {', '.join(words)}: " if words else ""
+
+
+def _part_of_liner(written: Mapping[str, Any], changed: Mapping[str, Any]) -> str:
+    """Return what is wrong where changes vary a liner that the file does not have."""
+    liner = changed.get("liner")
+    whole = isinstance(liner, dict) and {"thickness", "law"} <= liner.keys()
+    if "liner" in written or liner is None or whole:
+        return ""
+    return (
+        "the study has no [liner] to vary; add a table [liner] with thickness and law, e.g."
+        " thickness = '3 mm' and law = 'silicone'"
+    )
 
 
 def _read_liner_law(content: Mapping[str, Any], files: Files) -> None:
