@@ -44,7 +44,7 @@ TRIALS = (
           ("uncertainty.inputs: model.friction: is 0.4; it must be a table with distribution",)),
     Trial("a liner's thickness without a liner",
           study('liner.thickness = { distribution = "uniform", low = "3 mm", high = "6 mm" }\n'),
-          ("with liner.thickness = '3 mm': the study has no [liner] to vary; add a table",)),
+          (": the study has no [liner] to vary; add a table",)),
     Trial("an unknown distribution", friction('distribution = "gauss", mean = 0.4, sd = 0.1'),
           ("model.friction: distribution is 'gauss'; it must be one of 'normal'",)),
     Trial("an unknown key of a distribution", friction('distribution = "uniform", low = 0, hi = 1'),
