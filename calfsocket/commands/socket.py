@@ -136,6 +136,7 @@ def _write_meshed(arguments: Namespace) -> None:
     """Write a socket with a mesh of its own."""
     from calfsocket.imaging.mesh.socket import socket_of_mesh
     from calfsocket.meshes.limb import Limb
+    from calfsocket.meshes.placement import askew
     from calfsocket.meshes.quality import smallest_angles
     from calfsocket.plotting.socket_scan import draw_sections
 
@@ -168,6 +169,7 @@ def _write_meshed(arguments: Namespace) -> None:
                 f"its inner face has {100 * (1 - inner / worn_by.skin.area):.2f} % less area than"
                 " the skin",
                 *made.source.notes,
+                *(f"warning: {text}" for text in [askew(made, worn_by)] if text),
             ]
         )
     )

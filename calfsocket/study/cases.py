@@ -18,6 +18,7 @@ from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining
 from calfsocket.meshes.placement import (
     Placement,
+    askew,
     check_liner_between,
     check_placement,
     check_size_of_rest,
@@ -206,12 +207,16 @@ class Plan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes one doubt laws of the cases: the place of each, and why."""
+        """What makes one doubt laws or places of the cases: the name of each, and why."""
         found = [
             f"materials.{case.materials.name}.{name}: {text}"
             for case in self.cases
             for name, text in case.materials.warnings
         ]
+        places = {(case.of[0], id(case.limb)): case for case in self.cases}
+        for (name, _), case in places.items():
+            if text := askew(case.socket, case.limb):
+                found.append(f"sockets.{name}: {text}")
         return tuple(dict.fromkeys(found))
 
 
