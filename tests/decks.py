@@ -367,6 +367,9 @@ BOUNDARIES = {
     "prescribed displacement": {"dof", "value", "relative"},
 }
 
+QN_METHODS = {"BFGS", "Broyden", "JFNK", "modified Newton", "full Newton"}
+"""Names with which FEBio's source registers them, which it compares letter by letter."""
+
 
 def read_febio(text: str) -> ET.Element:
     """Read an input file of FEBio; a DeckError says what FEBio would refuse."""
@@ -410,6 +413,8 @@ def read_febio(text: str) -> ET.Element:
         assert control is not None
         time = int(control.findtext("time_steps", "0")) * float(control.findtext("step_size", "0"))
         _need(abs(time - 1.0) < 1e-9, f"step {number}: lasts {time}")
+        method = control.find("solver/qn_method")
+        _need(method is not None and method.get("type") in QN_METHODS, f"step {number}: qn_method")
     for bc in root.iter("bc"):
         kind = bc.get("type")
         _need(kind in BOUNDARIES, f"bc: {kind}")

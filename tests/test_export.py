@@ -168,6 +168,7 @@ BREAK_FEBIO = {
     "map that is not there": ('type="map">widen_x', 'type="map">widen'),
     "other elements": ('type="penta15"', 'type="penta6"'),
     "no contact": ("<Contact>", "<Contacts>"),
+    "capitals in a name": ('type="full Newton"', 'type="Full Newton"'),
 }
 
 

@@ -308,7 +308,7 @@ class _Writer:
         _add(stepper, "dtmax", _number(1.0 / increments))
         solver = _add(control, "solver", type="solid")
         _add(solver, "symmetric_stiffness", "non-symmetric")
-        _add(solver, "qn_method", type="Full Newton")
+        _add(solver, "qn_method", type="full Newton")
         return step
 
     def _donning(self, steps: ET.Element) -> None:
