@@ -311,6 +311,13 @@ def test_socket_is_wide_at_the_first_temperature_and_itself_at_the_next(cases):
     ]  # fmt: skip
 
 
+def test_an_expanded_socket_with_friction_is_said_not_to_end_in_calculix(cases):
+    _, remarks = keywords.deck(cases["expanded"], keywords.CALCULIX)
+    assert any("with friction, CalculiX did not bring an expanded socket" in r for r in remarks)
+    smooth = replace(cases["expanded"], contact=Contact(friction=0.0))
+    assert not any("did not bring" in r for r in keywords.deck(smooth, keywords.CALCULIX)[1])
+
+
 def test_stages_become_steps(cases):
     steps = cases["loaded"].steps
     assert [s.name for s in steps] == ["push", "turn-1", "turn-2", "turn-3", "shrink"]

@@ -447,10 +447,10 @@ class _Writer:
             f"donning: a temperature makes the socket wide, by {100 * swelling:.3g} %, without"
             " stress, in a first step; calfsocket begins with it there"
         )
-        if not self._is_abaqus:
+        if not self._is_abaqus and self.case.contact.friction:
             self.remarks.append(
-                "donning: CalculiX did not bring an expanded socket to the end where that was"
-                ' tried; it does with donning = "gap"'
+                "donning: with friction, CalculiX did not bring an expanded socket to the end where"
+                ' that was tried; it does without, and with donning = "gap"'
             )
 
     def _outer_face(self, swelling: float) -> Iterator[str]:
