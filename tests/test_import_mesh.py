@@ -174,6 +174,15 @@ def test_a_socket_that_lies_askew_is_said_with_where_it_would_fit(place, says) -
         assert "from 0.5 to 0.5 mm" in text or "from 0.4 to 0.6 mm" in text
 
 
+def test_what_is_no_part_of_the_limb_is_said(tmp_path: Path) -> None:
+    msh22(ring(), tmp_path / "a.msh")
+    limb = cs.Limb.from_mesh(tmp_path / "a.msh")
+    assert "left out: socket" in limb.source.found and "liner" not in found_in(limb)
+    sets = {"tibia": "tibia", "muscle": "muscle", "fat": "fat", "skin": "liner", "socket": "socket"}
+    found = found_in(cs.Limb.from_mesh(tmp_path / "a.msh", {**sets, "fat": "skin"}))
+    assert "left out: skin, socket" in found and "give the study a [liner]" in found
+
+
 def test_what_it_is_named_by_follows_from_its_content(tmp_path: Path) -> None:
     mesh = ring()
     moved = mesh.points.copy()
