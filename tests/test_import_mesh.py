@@ -180,7 +180,7 @@ def test_what_is_no_part_of_the_limb_is_said(tmp_path: Path) -> None:
     assert "left out: socket" in limb.source.found and "liner" not in found_in(limb)
     sets = {"tibia": "tibia", "muscle": "muscle", "fat": "fat", "skin": "liner", "socket": "socket"}
     found = found_in(cs.Limb.from_mesh(tmp_path / "a.msh", {**sets, "fat": "skin"}))
-    assert "left out: skin, socket" in found and "give the study a [liner]" in found
+    assert "left out: skin, socket" in found and "a liner is not imported" in found
 
 
 def test_what_it_is_named_by_follows_from_its_content(tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def _left_out(parts: Assigned) -> Iterator[str]:
     if parts.left_out:
         yield f"left out: {', '.join(parts.left_out)}"
     if tags.LINER in parts.left_out.values():
-        yield "a liner is not imported: give the study a [liner], bonded to a socket that is meshed here"
+        yield "a liner is not imported: give the study one, bonded to a socket that is meshed here"
 
 
 def section_of_mesh(
