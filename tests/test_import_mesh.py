@@ -600,7 +600,25 @@ def test_the_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -
     assert cli.main(["check", "study.toml"]) == 0
     printed = capsys.readouterr().out
     assert "its wall is the mesh of a.msh" in printed
+    assert "askew" not in printed
     assert cli.main(["show", "study.toml", "--out", "show.png"]) == 0
+
+
+def test_check_warns_of_a_mesh_beside_its_place(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    msh22(ring(), tmp_path / "a.msh")
+    msh22(replace(ring(), points=ring().points + np.array([3.0, 0.0])), tmp_path / "b.msh")
+    assert cli.main(["limb", "a.msh", "--side", "right", "--anterior", "+y"]) == 0
+    assert cli.main(["socket", "b.msh", "--limb", "limb.json"]) == 0
+    assert "warning: lies askew on the limb" in capsys.readouterr().out
+    Path("study.toml").write_text(
+        '[study]\nlimb = "limb.json"\nsockets = ["own"]\nmaterials = ["combined"]\n'
+        '[model]\nsize = "coarse"\n[sockets.own]\nmesh = "socket.json"\n'
+    )
+    assert cli.main(["check", "study.toml"]) == 0
+    said = capsys.readouterr()
+    assert "sockets.own: lies askew on the limb" in said.out + said.err
+    assert "moved by (-3, 0) mm it would be from 0.3 to 0.3 mm" in said.out + said.err
 
 
 @pytest.mark.parametrize(

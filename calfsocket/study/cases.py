@@ -213,10 +213,9 @@ class Plan:
             for case in self.cases
             for name, text in case.materials.warnings
         ]
-        places = {(case.of[0], id(case.limb)): case for case in self.cases}
-        for (name, _), case in places.items():
+        for case in {(each.socket, id(each.limb)): each for each in self.cases}.values():
             if text := askew(case.socket, case.limb):
-                found.append(f"sockets.{name}: {text}")
+                found.append(f"sockets.{case.of[0]}: {text}")
         return tuple(dict.fromkeys(found))
 
 
