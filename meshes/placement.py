@@ -12,7 +12,7 @@ from calfsocket.meshes.curves import Array, ClosedCurve
 from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining, fitted
 from calfsocket.meshes.sizing import SIZES, AdaptiveSize, MeshSize
-from calfsocket.meshes.socket import MeshedSocket, Outline, Socket
+from calfsocket.meshes.socket import MeshedSocket, Outline, Sections, Socket
 
 #: Distance of the points of the skin that are looked at, mm.
 SKIN_STEP = 0.25
@@ -28,6 +28,13 @@ NOT_SMALLER = 5e-4
 LEAST_ROOM = 0.7
 #: It presses nowhere if all overlap but this, mm, can be moved away: what a scanner resolves.
 NO_GRIP = 0.05
+#: A socket that was made elsewhere may lie askew if the depth of the skin in it varies by more than
+#: this, rms, mm (0.03 to 0.5 in the reference sockets) ...
+UNEVEN = 1.5
+#: ... and if another place makes that less than this share of it.
+MORE_EVEN = 0.5
+#: Turns at which another place is looked for, and then around the best of them, degrees.
+TURNS, FINE_TURNS = range(0, 360, 10), range(-9, 10)
 #: An outline whose centre is at least this far from the limb's may be drawn in another frame, mm.
 OFF_CENTRE = 5.0
 
@@ -178,6 +185,47 @@ def _placement(socket: Socket, limb: Limb, floating: bool, liner: Lining | None)
         smallest_angle=float(limb.frame.angle(points[least])),
         largest_angle=float(limb.frame.angle(points[most])),
         squeezed=float(squeezed[worst]),
+    )
+
+
+def askew(socket: Socket, limb: Limb) -> str | None:
+    """Return in what other place a socket that was made elsewhere fits far better, if in any.
+
+    Turned, moved or mirrored: its file may have other axes than the limb's.
+    """
+    if not isinstance(socket, Outline | Sections | MeshedSocket):
+        return None
+    inner = socket.faces(limb)[0]
+    skin = limb.skin.evaluate(limb.skin.sample(GRIP_STEP))
+    face = inner.evaluate(inner.sample(GRIP_STEP))
+    here = _overlap(skin, face)
+    if np.std(here) <= UNEVEN:
+        return None
+    middle, centre = (np.array(shapely.Polygon(each).centroid.coords[0]) for each in (skin, face))
+
+    def at(mirrored: bool, degrees: float) -> Array:
+        """Return the overlaps with the socket's middle on the limb's."""
+        turn = np.radians(degrees)
+        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        arms = (face - centre) * [-1.0 if mirrored else 1.0, 1.0]
+        return _overlap(skin, arms @ axes + middle)
+
+    coarse = [(mirrored, turn) for mirrored in (False, True) for turn in TURNS]
+    best = min(coarse, key=lambda place: float(np.std(at(*place))))
+    fine = [(best[0], best[1] + more) for more in FINE_TURNS]
+    best = min(fine, key=lambda place: float(np.std(at(*place))))
+    there = at(*best)
+    if np.std(there) >= MORE_EVEN * np.std(here):
+        return None
+    turn = (best[1] + 180) % 360 - 180
+    x, y = np.round(middle - centre, 1) + 0.0
+    words = ["mirrored"] * best[0]
+    words += [f"turned by {turn} degrees about its middle"] * (turn != 0)
+    words += [f"moved by ({x:g}, {y:g}) mm"] * bool(x or y)
+    return (
+        f"lies askew on the limb: its inner face is from {here.min():.1f} to {here.max():.1f} mm"
+        f" inside the skin; {' and '.join(words)} it would be from {there.min():.1f} to"
+        f" {there.max():.1f} mm inside it; check the axes of its file"
     )
 
 

@@ -53,9 +53,14 @@ KEYWORDS = {
         takes={"OGDEN": None, "YEOH": None, "N": ("1", "2", "3", "4", "5", "6")}, data=(1, 2)
     ),
     "ELASTIC": Keyword(data=(1, 1)),
-    "EXPANSION": Keyword(needs=("ZERO",), takes={"ZERO": ("0.",)}),
+    # In Abaqus orthotropic expansion is not for hyperelastic materials.
+    "EXPANSION": Keyword(needs=("ZERO",), takes={"ZERO": (), "TYPE": ("ORTHO",)}),
+    "DISTRIBUTION": Keyword((CALCULIX,), needs=("NAME",), takes={"NAME": ()}, data=(2, 10**9)),
+    "ORIENTATION": Keyword((CALCULIX,), needs=("NAME",), takes={"NAME": ()}, data=(1, 1)),
     "SOLID SECTION": Keyword(
-        needs=("ELSET", "MATERIAL"), takes={"ELSET": (), "MATERIAL": ()}, data=(1, 1)
+        needs=("ELSET", "MATERIAL"),
+        takes={"ELSET": (), "MATERIAL": (), "ORIENTATION": ()},
+        data=(1, 1),
     ),
     "SURFACE INTERACTION": Keyword(needs=("NAME",), takes={"NAME": ()}, data=(0, 1)),
     "SURFACE BEHAVIOR": Keyword(
@@ -127,6 +132,8 @@ class Deck:
     surfaces: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
     materials: dict[str, list[Block]] = field(default_factory=dict)
     sections: dict[str, str] = field(default_factory=dict)
+    directions: dict[str, list[list[str]]] = field(default_factory=dict)
+    axes: dict[str, str] = field(default_factory=dict)
 
     def of(self, keyword: str) -> list[Block]:
         """Blocks of a keyword."""
@@ -204,6 +211,8 @@ def _check_keyword(block: Block, program: str, inside: bool) -> bool:
     for line in block.data:
         _need(len(line) <= MOST_ENTRIES, f"*{block.keyword}: more than {MOST_ENTRIES} entries")
     if block.keyword == "STEP":
+        if "NAME" in block.parameters:
+            _label(block, "NAME")
         _need(not inside, "a step within a step")
         return True
     return inside and block.keyword != "END STEP"
@@ -271,6 +280,22 @@ def _take(deck: Deck, block: Block, program: str) -> None:
             _need(elements in deck.element_sets, f"*SOLID SECTION: no set {elements}")
             _need(material in deck.materials, f"*SOLID SECTION: no material {material}")
             deck.sections[elements] = material
+            if "ORIENTATION" in block.parameters:
+                axes = _label(block, "ORIENTATION")
+                _need(axes in deck.axes, f"*SOLID SECTION: no orientation {axes}")
+                given = {int(line[0]) for line in deck.directions[deck.axes[axes]]}
+                _need(given == set(deck.element_sets[elements]), f"{axes}: not of {elements}")
+        case "DISTRIBUTION":
+            first, *lines = block.data
+            _need(first[0] == "" and len(first) == 7, "*DISTRIBUTION: no default")
+            for number, *axes in lines:
+                _need(int(number) in deck.elements, f"*DISTRIBUTION: no element {number}")
+                _need(len(axes) == 6, f"*DISTRIBUTION: {len(axes)} coordinates")
+            deck.directions[_label(block, "NAME")] = lines
+        case "ORIENTATION":
+            (name,) = block.data[0]
+            _need(name.upper() in deck.directions, f"*ORIENTATION: no distribution {name}")
+            deck.axes[_label(block, "NAME")] = name.upper()
         case "CONTACT PAIR" | "CONTACT INTERFERENCE" | "MODEL CHANGE":
             for name in block.data[0]:
                 _need(name in deck.surfaces, f"*{block.keyword}: no surface {name}")
@@ -299,7 +324,12 @@ def _take(deck: Deck, block: Block, program: str) -> None:
 def _check_constants(block: Block, program: str) -> None:
     values = _numbers(block)
     if block.keyword == "EXPANSION":
-        _need(all(len(line) == 2 for line in block.data), "*EXPANSION: wrong constants")
+        ortho = "TYPE" in block.parameters
+        _need(not (ortho and program == ABAQUS), "*EXPANSION: not of a hyperelastic material")
+        size = 4 if ortho else 2
+        _need(all(len(line) == size for line in block.data), "*EXPANSION: wrong constants")
+        at = [float(line[-1]) for line in block.data]
+        _need(at == sorted(set(at)), "*EXPANSION: temperatures do not rise")
         return
     if block.keyword == "ELASTIC":
         _need(len(values) == 2 and values[0] > 0 and -1 < values[1] <= 0.5, "*ELASTIC: wrong")
@@ -337,6 +367,9 @@ BOUNDARIES = {
     "prescribed displacement": {"dof", "value", "relative"},
 }
 
+QN_METHODS = {"BFGS", "Broyden", "JFNK", "modified Newton", "full Newton"}
+"""Names with which FEBio's source registers them, which it compares letter by letter."""
+
 
 def read_febio(text: str) -> ET.Element:
     """Read an input file of FEBio; a DeckError says what FEBio would refuse."""
@@ -353,7 +386,15 @@ def read_febio(text: str) -> ET.Element:
     _need(set(domains.values()) <= materials, "a domain without a material")
     curves = {each.get("id") for each in part["LoadData"]}
     maps = {}
+    groups = {e.get("name"): len(_ids(e, None, 10**9)) for e in part["Mesh"].findall("ElementSet")}
     for data in part["MeshData"]:
+        if data.tag == "ElementData":
+            _need(data.get("data_type") == "mat3", f"map {data.get('name')}: no tensors")
+            _need(len(data) == groups.get(data.get("elem_set")), f"map {data.get('name')}: length")
+            sizes = {len((each.text or "").split(",")) for each in data}
+            _need(sizes == {9}, f"map {data.get('name')}: {sizes} numbers")
+            maps[data.get("name")] = data.get("elem_set")
+            continue
         _need(data.get("node_set") in sets, f"map of no set {data.get('node_set')}")
         _need(len(data) == len(sets[data.get("node_set")]), f"map {data.get('name')}: length")
         maps[data.get("name")] = data.get("node_set")
@@ -372,6 +413,8 @@ def read_febio(text: str) -> ET.Element:
         assert control is not None
         time = int(control.findtext("time_steps", "0")) * float(control.findtext("step_size", "0"))
         _need(abs(time - 1.0) < 1e-9, f"step {number}: lasts {time}")
+        method = control.find("solver/qn_method")
+        _need(method is not None and method.get("type") in QN_METHODS, f"step {number}: qn_method")
     for bc in root.iter("bc"):
         kind = bc.get("type")
         _need(kind in BOUNDARIES, f"bc: {kind}")
@@ -390,12 +433,19 @@ def read_febio(text: str) -> ET.Element:
 
 def _febio_materials(part: ET.Element) -> set[str | None]:
     for number, material in enumerate(part, 1):
-        kind = material.get("type") or ""
         _need(material.get("id") == str(number), "materials are not numbered")
+        name = material.get("name")
+        if material.get("type") == "prestrain elastic":
+            _need([each.tag for each in material] == ["elastic", "prestrain"], f"material {name}")
+            made, material = material.find("prestrain"), material.find("elastic")
+            assert made is not None and material is not None
+            _need(made.get("type") == "prestrain gradient", f"prestrain {made.get('type')}")
+            _need([each.tag for each in made] == ["ramp", "F0"], f"prestrain of {name}")
+        kind = material.get("type") or ""
         _need(kind in MATERIALS, f"material {kind}")
         needed, more = MATERIALS[kind]
         given = {each.tag for each in material} - {"density"}
-        _need(needed <= given <= needed | more, f"material {material.get('name')}: {given}")
+        _need(needed <= given <= needed | more, f"material {name}: {given}")
     return {each.get("name") for each in part}
 
 

@@ -36,7 +36,7 @@ def msh41(mesh: TriangleMesh, path: Path) -> None:
 
 
 def vtu(mesh: TriangleMesh, path: Path) -> None:
-    """VTK, with the regions' numbers in an array."""
+    """VTK, also its old binary format, with the regions' numbers in an array."""
     meshio.Mesh(
         np.pad(mesh.points, ((0, 0), (0, 1))),
         [("triangle6", mesh.cells)],
@@ -77,4 +77,10 @@ def deck(
     return "\n".join(lines) + "\n" + more
 
 
-WRITERS: dict[str, Write] = {"a.msh": msh22, "b.msh": msh41, "c.vtu": vtu, "d.inp": inp}
+WRITERS: dict[str, Write] = {
+    "a.msh": msh22,
+    "b.msh": msh41,
+    "c.vtu": vtu,
+    "d.inp": inp,
+    "e.vtk": vtu,
+}

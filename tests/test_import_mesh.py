@@ -22,8 +22,9 @@ from calfsocket.mechanics.stepping import LoadStepper
 from calfsocket.meshes import curves, quality, rings, section, tags
 from calfsocket.meshes.distributed import distribute
 from calfsocket.meshes.limb import Limb, limb_curves
+from calfsocket.meshes.placement import askew
 from calfsocket.meshes.sizing import SIZES
-from calfsocket.meshes.socket import NormalOffset
+from calfsocket.meshes.socket import NormalOffset, Outline
 from calfsocket.meshes.triangles import TriangleMesh
 
 LAYERS = [("tibia", 5.0, 12.0), ("muscle", 12.0, 26.0), ("fat", 26.0, 30.0), ("skin", 30.0, 32.0)]
@@ -78,7 +79,7 @@ def by_place(mesh: TriangleMesh) -> np.ndarray:
 def test_a_mesh_comes_back_as_it_was(name: str, tmp_path: Path) -> None:
     path, mesh = tmp_path / name, ring()
     WRITERS[name](mesh, path)
-    sets = SETS if path.suffix == ".vtu" else None
+    sets = SETS if path.suffix in (".vtu", ".vtk") else None
     limb = cs.Limb.from_mesh(path, sets)
     socket = cs.Socket.from_mesh(path, limb, sets)
     assert {**limb.tissues} == {"tibia": "bone", "muscle": "muscle", "fat": "fat", "skin": "skin"}
@@ -135,6 +136,51 @@ def test_the_calf_that_was_exported_has_the_same_numbers(kind: str, tmp_path: Pa
     imported = cs.Simulation(limb, socket, COMBINED, mesh_size="coarse")
     ours, theirs = imported.solve().summary(), calf.solve().summary()
     np.testing.assert_allclose(ours["value"], theirs["value"], rtol=1e-8)
+
+
+def test_fields_of_a_solved_case_are_a_mesh_with_names(tmp_path: Path) -> None:
+    """`fields.vtu`, with doubled nodes between regions, gives the numbers that it holds."""
+    msh22(ring(), tmp_path / "a.msh")
+    limb = cs.Limb.from_mesh(tmp_path / "a.msh")
+    socket = cs.Socket.from_mesh(tmp_path / "a.msh", limb)
+    solved = cs.Simulation(limb, socket, COMBINED, mesh_size="coarse").solve()
+    solved.save(tmp_path / "case")
+    path = tmp_path / "case" / "fields.vtu"
+    again = cs.Limb.from_mesh(path)
+    assert again.tissues == limb.tissues
+    socket = cs.Socket.from_mesh(path, again)
+    back = section.build(again, socket, SIZES["coarse"])
+    np.testing.assert_allclose(by_place(back), by_place(ring()), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [
+        (lambda x: (x * [-1, 1])[::-1], "mirrored it would be"),
+        (lambda x: x @ [[0.0, 1.0], [-1.0, 0.0]], "turned by -90 degrees about its middle it"),
+        (lambda x: x + np.array([6.0, 0.0]), "moved by (-6, 0) mm it would be"),
+        (lambda x: x, None),
+    ],
+    ids=["mirrored", "turned", "moved", "in its place"],
+)
+def test_a_socket_that_lies_askew_is_said_with_where_it_would_fit(place, says) -> None:
+    limb = cs.Limb.reference()
+    face = curves.offset(limb.skin, lambda points: np.full(len(points), -0.5))
+    points = place(face.evaluate(face.sample(2.0)))
+    socket = Outline(points=[tuple(point) for point in points], wall_thickness=4.0)
+    text = askew(socket, limb)
+    assert (text is None) if says is None else says in text
+    if text:
+        assert "from 0.5 to 0.5 mm" in text or "from 0.4 to 0.6 mm" in text
+
+
+def test_what_is_no_part_of_the_limb_is_said(tmp_path: Path) -> None:
+    msh22(ring(), tmp_path / "a.msh")
+    limb = cs.Limb.from_mesh(tmp_path / "a.msh")
+    assert "left out: socket" in limb.source.found and "liner" not in found_in(limb)
+    sets = {"tibia": "tibia", "muscle": "muscle", "fat": "fat", "skin": "liner", "socket": "socket"}
+    found = found_in(cs.Limb.from_mesh(tmp_path / "a.msh", {**sets, "fat": "skin"}))
+    assert "left out: skin, socket" in found and "a liner is not imported" in found
 
 
 def test_what_it_is_named_by_follows_from_its_content(tmp_path: Path) -> None:
@@ -554,7 +600,25 @@ def test_the_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -
     assert cli.main(["check", "study.toml"]) == 0
     printed = capsys.readouterr().out
     assert "its wall is the mesh of a.msh" in printed
+    assert "askew" not in printed
     assert cli.main(["show", "study.toml", "--out", "show.png"]) == 0
+
+
+def test_check_warns_of_a_mesh_beside_its_place(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    msh22(ring(), tmp_path / "a.msh")
+    msh22(replace(ring(), points=ring().points + np.array([3.0, 0.0])), tmp_path / "b.msh")
+    assert cli.main(["limb", "a.msh", "--side", "right", "--anterior", "+y"]) == 0
+    assert cli.main(["socket", "b.msh", "--limb", "limb.json"]) == 0
+    assert "warning: lies askew on the limb" in capsys.readouterr().out
+    Path("study.toml").write_text(
+        '[study]\nlimb = "limb.json"\nsockets = ["own"]\nmaterials = ["combined"]\n'
+        '[model]\nsize = "coarse"\n[sockets.own]\nmesh = "socket.json"\n'
+    )
+    assert cli.main(["check", "study.toml"]) == 0
+    said = capsys.readouterr()
+    assert "sockets.own: lies askew on the limb" in said.out + said.err
+    assert "moved by (-3, 0) mm it would be from 0.3 to 0.3 mm" in said.out + said.err
 
 
 @pytest.mark.parametrize(

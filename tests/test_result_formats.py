@@ -56,9 +56,12 @@ def test_arrays_are_those_of_the_result(solved: Result) -> None:
     assert "state" not in data.dims
 
 
-def test_every_array_says_what_it_is(solved: Result) -> None:
-    data = solved.to_xarray()
+def test_every_array_says_what_it_is(walked: Result) -> None:
+    data = walked.to_xarray()
     assert all(data[name].long_name for name in data.variables)
+    numbers = [name for name, array in data.data_vars.items() if array.dtype.kind == "f"]
+    assert all(data[name].units for name in numbers)
+    assert data.deformation_gradient.units == "1" and data.source.startswith("calfsocket ")
 
 
 def test_states_are_a_dimension(walked: Result) -> None:

@@ -48,9 +48,7 @@ def export(arguments: Namespace) -> None:
     simulation = case.simulation(MPI.COMM_SELF)
     with error_context(arguments.file, case.name):
         remarks = simulation.export(arguments.out, arguments.format)
-    print(arguments.out)
-    for remark in remarks:
-        print(f"  {remark}")
+    print("\n  ".join([str(arguments.out), *remarks]))
 
 
 def chosen(plan: "Plan", name: str | None, file: Path) -> "Case":

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import command, first_rank, group, option
+from calfsocket.commands.options import MESH_DATA, mesh_geometry, mesh_sets
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
@@ -129,26 +130,19 @@ _FILLING = ("skin_thickness", "fat_thickness", "crest", "fibular_head", "septum"
     ),
     group(
         "a mesh of the section",
-        option(
-            "--sets",
-            type=Path,
-            metavar="FILE",
-            help="what its sets are: a line such as Set-2,gastrocnemius,muscle for each (CSV), or"
-            " TOML (default: by their names)",
+        mesh_sets(
+            "what its sets are",
+            "Set-2,gastrocnemius,muscle for each",
+            "by their names",
         ),
-        option("--data", metavar="NAME", help="array of a VTK file that numbers the regions"),
+        MESH_DATA,
         option(
             "--fixed",
             metavar="NAME",
             help="where the limb is fixed: a region, a set of nodes or edges, or holes (default:"
             " the hole in the tibia, or its surface)",
         ),
-        option(
-            "--geometry",
-            type=Path,
-            metavar="FILE",
-            help="limb or outline that it was meshed from: straight sides are laid onto its curves",
-        ),
+        mesh_geometry("limb"),
         option(
             "--outlines",
             action="store_true",

@@ -62,6 +62,27 @@ FRICTION = option(
     metavar="MU",
     help="coefficient of friction (default: %(default)s)",
 )
+MESH_DATA = option("--data", metavar="NAME", help="array of a VTK file that numbers the regions")
+
+
+def mesh_sets(what: str, example: str, default: str) -> Option:
+    """Return the table of a mesh's sets."""
+    return option(
+        "--sets",
+        type=Path,
+        metavar="FILE",
+        help=f"{what}: a line such as {example} (CSV), or TOML (default: {default})",
+    )
+
+
+def mesh_geometry(body: str) -> Option:
+    """Return the body or outline that a mesh was made from."""
+    return option(
+        "--geometry",
+        type=Path,
+        metavar="FILE",
+        help=f"{body} or outline that it was meshed from: straight sides are laid onto its curves",
+    )
 
 
 def checked_size(word: str) -> str:

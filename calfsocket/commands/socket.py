@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calfsocket.commands import command, first_rank, group, option
+from calfsocket.commands.options import MESH_DATA, mesh_geometry, mesh_sets
 from calfsocket.io.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,20 +73,9 @@ _THICKEST = 100
     ),
     group(
         "a mesh of the wall",
-        option(
-            "--sets",
-            type=Path,
-            metavar="FILE",
-            help="which set is the socket: a line such as Set-7,socket (CSV), or TOML (default: the"
-            " set of that name)",
-        ),
-        option("--data", metavar="NAME", help="array of a VTK file that numbers the regions"),
-        option(
-            "--geometry",
-            type=Path,
-            metavar="FILE",
-            help="socket or outline that it was meshed from: straight sides are laid onto it",
-        ),
+        mesh_sets("which set is the socket", "Set-7,socket", "the set of that name"),
+        MESH_DATA,
+        mesh_geometry("socket"),
     ),
     description="""\
 Cut a socket from its own scan at the sections of a limb. Write its outlines as JSON, for
@@ -146,6 +136,7 @@ def _write_meshed(arguments: Namespace) -> None:
     """Write a socket with a mesh of its own."""
     from calfsocket.imaging.mesh.socket import socket_of_mesh
     from calfsocket.meshes.limb import Limb
+    from calfsocket.meshes.placement import askew
     from calfsocket.meshes.quality import smallest_angles
     from calfsocket.plotting.socket_scan import draw_sections
 
@@ -178,6 +169,7 @@ def _write_meshed(arguments: Namespace) -> None:
                 f"its inner face has {100 * (1 - inner / worn_by.skin.area):.2f} % less area than"
                 " the skin",
                 *made.source.notes,
+                *(f"warning: {text}" for text in [askew(made, worn_by)] if text),
             ]
         )
     )

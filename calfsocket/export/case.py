@@ -1,6 +1,6 @@
 """What a deck is made of, without any program's words: mesh, laws, contact, supports, steps."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -99,6 +99,8 @@ class ExportedCase:
         Stages of loading.
     undersize : float
         Share by which a liner's fibres around the limb are shorter.
+    around : callable, optional
+        Direction of these fibres at positions, (n, 2) each.
     """
 
     title: str
@@ -112,6 +114,7 @@ class ExportedCase:
     frame: Frame
     loading: Loading | None = None
     undersize: float = 0.0
+    around: Callable[[FloatArray], FloatArray] | None = None
 
     @property
     def is_fixed(self) -> bool:
@@ -201,6 +204,13 @@ class ExportedCase:
     def moves_socket(self) -> bool:
         """Whether a stage loads the socket."""
         return self.loading is not None and self.loading.moves_socket
+
+    @property
+    def fibres(self) -> FloatArray:
+        """Direction around the limb in the middle of the liner's cells; (n, 2)."""
+        assert self.around is not None
+        corners = self.mesh.cells[self.cells(tags.LINER), :3]
+        return self.around(self.mesh.points[corners].mean(axis=1))
 
     # -- the socket -----------------------------------------------------------------------------
 

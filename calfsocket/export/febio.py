@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import calfsocket
-from calfsocket.export.case import SIDES, ExportedCase, LoadStep, rows
+from calfsocket.export.case import SIDES, ExportedCase, LoadStep, Material, rows
 from calfsocket.export.laws import Converted, Invariant, Linear, Series, converted
 from calfsocket.mechanics.carrier import COMPONENTS
 from calfsocket.meshes import tags
@@ -43,6 +43,9 @@ _SHARES, _INSIDE = (1 / 6, 1 / 2), 2 / 3
 in the middle of its thickness."""
 
 WIDEN, CLOSE, FREE = "widen", "close", "donned"
+
+DONNED = 3.0
+"""Time at the end of these three steps, of 1 each."""
 
 
 def deck(case: ExportedCase) -> tuple[str, list[str]]:
@@ -102,11 +105,6 @@ class _Writer:
         self._load_data(_add(root, "LoadData"))
         self._output(_add(root, "Output"))
         data.extend(self._data)
-        if case.undersize:
-            self.remarks.append(
-                f"liner: its undersize of {100 * case.undersize:g} % has no equivalent; it is put"
-                " on without stress"
-            )
         if case.moves_socket:
             self.remarks.append(
                 "loads: a displacement moves the outer face as one body by a small angle's rule; a"
@@ -127,15 +125,65 @@ class _Writer:
         for number, material in enumerate(self.case.materials, 1):
             law, remarks = converted(material.name, material.law, mixed=False)
             self.remarks += remarks
-            self._law(
-                _add(parent, "material", id=str(number), name=material.name, type=_kind(law)), law
-            )
+            states = self._stress_free(material)
+            name = {"id": str(number), "name": material.name}
+            if states is None:
+                self._law(_add(parent, "material", **name, type=_kind(law)), law)
+            else:
+                made = _add(parent, "material", **name, type="prestrain elastic")
+                self._law(_add(made, "elastic", type=_kind(law)), law)
+                self._prestrain(made, *states)
             if isinstance(law.form, Linear):
                 self.remarks.append(
                     f"{material.name}: Hencky's law has U = K/2 ln^2 J in FEBio's natural"
                     " neo-Hookean material; at a change of volume of 0.1 % its pressure differs by"
                     " 0.15 %"
                 )
+
+    def _stress_free(
+        self, material: Material
+    ) -> tuple[str | NDArray[np.float64], list[tuple[float, float]]] | None:
+        """Return the gradient from a material's stress-free state, or its map, and its way there.
+
+        A material point has the gradient I + r (F0 - I) before any displacement. At times of full
+        stages r is such that this is the inverse of the tensor G of `materials.stress_free`.
+        """
+        case, tissue = self.case, self.case.tissues[material.regions[0]]
+        if case.undersize and material.regions == (tags.LINER,):
+            return self._around(), [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (1e6, 1.0)]
+        ratios = [step.volume.get(tissue, 0.0) + 1.0 for step in case.steps]
+        gains = [ratio**-0.5 - 1.0 for ratio in ratios]
+        most = max(gains, key=abs, default=0.0)
+        if most == 0.0:
+            return None
+        ends = [(DONNED + number, gain / most) for number, gain in enumerate(gains, 1)]
+        return np.diag([1.0 + most, 1.0 + most, 1.0]), [(0.0, 0.0), (DONNED, 0.0), *ends]
+
+    def _around(self) -> str:
+        """Map the stretch of a liner's fibres around the limb, which are short by its undersize."""
+        case, name = self.case, "liner_undersize"
+        members = f"tissue_{case.tissues[tags.LINER]}"
+        data = ET.Element("ElementData", name=name, elem_set=members, data_type="mat3")
+        longer = 1.0 / (1.0 - case.undersize) - 1.0
+        for number, (x, y) in enumerate(rows(case.fibres), 1):
+            along = np.array([x, y, 0.0])
+            gradient = np.eye(3) + longer * np.outer(along, along)
+            _add(data, "elem", _numbers(gradient), lid=str(number))
+        self._data.append(data)
+        return name
+
+    def _prestrain(
+        self,
+        parent: ET.Element,
+        gradient: str | NDArray[np.float64],
+        way: list[tuple[float, float]],
+    ) -> None:
+        made = _add(parent, "prestrain", type="prestrain gradient")
+        _add(made, "ramp", "1", lc=str(self._curve(way)))
+        if isinstance(gradient, str):
+            _add(made, "F0", gradient, type="map")
+        else:
+            _add(made, "F0", _numbers(gradient))
 
     def _law(self, parent: ET.Element, law: Converted) -> None:
         _add(parent, "density", "1e-09")  # t/mm^3, which statics does not use
@@ -260,7 +308,7 @@ class _Writer:
         _add(stepper, "dtmax", _number(1.0 / increments))
         solver = _add(control, "solver", type="solid")
         _add(solver, "symmetric_stiffness", "non-symmetric")
-        _add(solver, "qn_method", type="Full Newton")
+        _add(solver, "qn_method", type="full Newton")
         return step
 
     def _donning(self, steps: ET.Element) -> None:
@@ -333,12 +381,6 @@ class _Writer:
         else:
             self._carry(made, step, curve, start)
         self._force, self._place = np.where(step.held, 0.0, step.force), step.place
-        if step.volume:
-            shares = ", ".join(f"{name} {100 * v:g} %" for name, v in step.volume.items())
-            self.remarks.append(
-                f"stage {step.name}: changes of volume ({shares}) have no equivalent and are left"
-                " out"
-            )
 
     def _carry(self, made: ET.Element, step: LoadStep, curve: int, start: float) -> None:
         """Add forces on the outer face, and displacements from where it was."""
@@ -379,7 +421,7 @@ class _Writer:
             _add(controller, "extend", "CONSTANT")
             listed = _add(controller, "points")
             for time, value in points:
-                _add(listed, "pt", f"{time:g},{value:g}")
+                _add(listed, "pt", f"{time:g},{_number(value)}")
 
     def _output(self, parent: ET.Element) -> None:
         plot = _add(parent, "plotfile", type="febio")
@@ -408,6 +450,11 @@ def _add(parent: ET.Element, tag: str, text: str | None = None, **attributes: st
 
 def _number(value: float) -> str:
     return f"{value:.12g}"
+
+
+def _numbers(tensor: NDArray[np.float64]) -> str:
+    """Write a tensor row by row."""
+    return ",".join(map(_number, tensor.ravel().tolist()))
 
 
 def _listed(nodes: Iterable[int]) -> str:

@@ -6,6 +6,7 @@ CalculiX of itself, as the face-to-face contact of its first step does.
 """
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -51,6 +52,13 @@ PAIR = f"{LIMB_SIDE}, {SOCKET_SIDE}"
 
 FRAME, AS_DONNED = "FRAME", "AS_DONNED"
 """Names of the sets of the frame's nodes, and of those that keep the outer face as it is donned."""
+
+
+FIBRES, AXES = "FIBRES", "AROUND"
+"""Names of a liner's directions, and of the axes that they give."""
+
+COLDEST = -1000.0
+"""Temperature that coefficients of expansion count from; steps are at 1, 2, ..."""
 
 
 @dataclass(frozen=True)
@@ -110,16 +118,24 @@ class _Writer:
         """Say what the stages and the liner have no equivalent of."""
         case = self.case
         if case.undersize:
+            share = f"liner: its undersize of {100 * case.undersize:g} %"
             self.remarks.append(
-                f"liner: its undersize of {100 * case.undersize:g} % has no equivalent; it is put"
-                " on without stress"
+                f"{share} is left out, for Abaqus's hyperelastic laws expand alike in all"
+                " directions only; it is put on without stress"
+                if self._is_abaqus
+                else f"{share} is an expansion along its fibres; CalculiX 2.20 leaves a stress of"
+                " twice that share of its pressure along them"
             )
         changes = [abs(value) for step in case.steps for value in step.volume.values()]
         if changes:
+            most = 100 * max(changes)
             self.remarks.append(
-                "volume: tissues change alike in all three directions, by up to"
-                f" {100 * max(changes) / 3:.2g} % of their length, in calfsocket in the plane"
-                " alone: held along the limb they have that strain besides"
+                f"volume: tissues change alike in all three directions, by up to {most / 3:.2g} %"
+                " of their length, in calfsocket in the plane alone: held along the limb they have"
+                " that strain besides"
+                if self._is_abaqus
+                else "volume: tissues expand in the plane; CalculiX 2.20 leaves a stress of up to"
+                f" {most:.2g} % of their pressure along the limb"
             )
         if case.moves_socket and not self._has_frame:
             self.remarks.append(
@@ -141,12 +157,12 @@ class _Writer:
         for number, (x, y) in enumerate(rows(mesh.points), 1):
             yield f"{number}, {x:.12g}, {y:.12g}, 0."
         for region in mesh.regions:
-            yield f"*ELEMENT, TYPE={self.dialect.element}, ELSET={region}"
+            yield f"*ELEMENT, TYPE={self.dialect.element}, ELSET={_label(region)}"
             for cell in case.cells(region):
                 yield ", ".join(map(str, [cell + 1, *(mesh.cells[cell] + 1)]))
         for tissue, regions in case.tissue_sets.items():
             yield f"*ELSET, ELSET=TISSUE_{tissue}"
-            yield from _listed(regions)
+            yield from _listed(map(_label, regions))
         for boundary in self._boundaries:
             yield f"*NSET, NSET={boundary}"
             yield from _listed(case.nodes(boundary) + 1)
@@ -167,15 +183,34 @@ class _Writer:
 
     def _materials(self) -> Iterator[str]:
         case = self.case
+        yield from self._fibres()
         for material in case.materials:
             law, remarks = converted(material.name, material.law, self.dialect.mixed)
             self.remarks += remarks
-            yield f"*MATERIAL, NAME={material.name}"
+            yield f"*MATERIAL, NAME={_label(material.name)}"
             yield from self._law(material.name, law)
             yield from self._expansion(material, law.form)
             for region in material.regions:
-                yield f"*SOLID SECTION, ELSET={region}, MATERIAL={material.name}"
+                axes = f", ORIENTATION={AXES}" if self._has_fibres(region) else ""
+                of = f"ELSET={_label(region)}, MATERIAL={_label(material.name)}"
+                yield f"*SOLID SECTION, {of}{axes}"
                 yield "1."
+
+    def _has_fibres(self, region: str) -> bool:
+        """Whether a region is shorter around the limb, which CalculiX has an equivalent of."""
+        return region == tags.LINER and self.case.undersize > 0.0 and not self._is_abaqus
+
+    def _fibres(self) -> Iterator[str]:
+        """Give the liner's elements axes of their own: around the limb, across, and along it."""
+        case = self.case
+        if tags.LINER not in case.mesh.regions or not self._has_fibres(tags.LINER):
+            return
+        yield f"*DISTRIBUTION, NAME={FIBRES}"
+        yield ", 1., 0., 0., 0., 1., 0."
+        for cell, (x, y) in zip(case.cells(tags.LINER), rows(case.fibres), strict=True):
+            yield f"{cell + 1}, {x:.9f}, {y:.9f}, 0., {-y:.9f}, {x:.9f}, 0."
+        yield f"*ORIENTATION, NAME={AXES}"
+        yield FIBRES
 
     def _law(self, name: str, law: Converted) -> Iterator[str]:
         d1 = 0.0 if math.isinf(law.bulk) else 2.0 / law.bulk
@@ -315,28 +350,41 @@ class _Writer:
 
     @property
     def _has_temperature(self) -> bool:
-        return self._is_widened or any(step.volume for step in self.case.steps)
+        return any(self._stretches(material) for material in self.case.materials)
+
+    def _stretches(self, material: Material) -> list[tuple[float, float]]:
+        """Stretches around and across the limb without stress, at the end of each step.
+
+        They are empty where a material keeps its size.
+        """
+        case, region = self.case, material.regions[0]
+        wide = 1.0 + case.swelling if self._is_widened and region in case.socket_regions else 1.0
+        around = 1.0 - case.undersize if self._has_fibres(region) else 1.0
+        volumes = [0.0, *(step.volume.get(case.tissues[region], 0.0) for step in case.steps)]
+        found = [(around * math.sqrt(1.0 + v), math.sqrt(1.0 + v)) for v in volumes]
+        if self._is_widened:
+            found = [(wide, wide), *found]
+        return found if any(pair != (1.0, 1.0) for pair in found) else []
 
     def _expansion(self, material: Material, form: Form) -> Iterator[str]:
         """Give a material its size at the end of each step, whose number is its temperature.
 
-        The coefficient is a table of temperature, so that materials change as they like.
+        The coefficient is a table of temperature, so that materials change as they like. It counts
+        from far below, so that the size, their product, changes linearly between its rows. Along
+        the limb CalculiX's materials keep their length; Abaqus's hyperelastic laws expand alike in
+        all directions only.
         """
-        case, first = self.case, 2 if self._is_widened else 1
-        tissue = case.tissues[material.regions[0]]
-        sizes = {}
-        if self._is_widened and set(case.socket_regions) >= set(material.regions):
-            sizes = dict.fromkeys(range(2, first + len(case.steps) + 1), 0.0)
-            sizes = {1: _in_plane(case.swelling, form)} | sizes
-        elif any(tissue in step.volume for step in case.steps):
-            sizes = dict.fromkeys(range(1, first + 1), 0.0) | {
-                number: (1.0 + step.volume.get(tissue, 0.0)) ** (1 / 3) - 1.0
-                for number, step in enumerate(case.steps, first + 1)
-            }
-        if sizes:
-            yield "*EXPANSION, ZERO=0."
-            for number, size in sizes.items():
-                yield f"{_number(size / number)}, {number}."
+        stretches = self._stretches(material)
+        if not stretches:
+            return
+        kind = "" if self._is_abaqus else ", TYPE=ORTHO"
+        yield f"*EXPANSION, ZERO={_number(COLDEST)}{kind}"
+        for number, (around, across) in enumerate([(1.0, 1.0), *stretches]):
+            strains = [around - 1.0, across - 1.0, 0.0]
+            if self._is_abaqus:
+                strains = [_alike(across, form)]
+            words = [_number(strain / (number - COLDEST)) for strain in strains]
+            yield ", ".join([*words, f"{number}."])
 
     def _temperatures(self) -> Iterator[str]:
         if self._has_temperature:
@@ -354,7 +402,7 @@ class _Writer:
 
     def _step(self, name: str, increments: Sequence[float]) -> Iterator[str]:
         first, smallest, largest = increments
-        options = f", NAME={name}, UNSYMM=YES" if self._is_abaqus else ""
+        options = f", NAME={_label(name)}, UNSYMM=YES" if self._is_abaqus else ""
         nonlinear = "NLGEOM=YES" if self._is_abaqus else "NLGEOM"
         yield f"** step {name}"
         yield f"*STEP, {nonlinear}, INC={MOST_INCREMENTS}{options}"
@@ -399,10 +447,10 @@ class _Writer:
             f"donning: a temperature makes the socket wide, by {100 * swelling:.3g} %, without"
             " stress, in a first step; calfsocket begins with it there"
         )
-        if not self._is_abaqus:
+        if not self._is_abaqus and self.case.contact.friction:
             self.remarks.append(
-                "donning: CalculiX did not bring an expanded socket to the end where that was"
-                ' tried; it does with donning = "gap"'
+                "donning: with friction, CalculiX did not bring an expanded socket to the end where"
+                ' that was tried; it does without, and with donning = "gap"'
             )
 
     def _outer_face(self, swelling: float) -> Iterator[str]:
@@ -475,14 +523,20 @@ class _Writer:
         ]
 
 
-def _in_plane(swelling: float, form: Form) -> float:
-    """Return the strain in all directions by which a material that keeps its length swells.
+def _alike(stretch: float, form: Form) -> float:
+    """Return the strain in all directions by which a material is stretched in the plane.
 
     It has no stress in the plane then; along the limb it has, where it is held.
     """
     if isinstance(form, Linear):
-        return swelling / (1.0 + form.nu)
-    return float((1.0 + swelling) ** (2 / 3) - 1.0)  # nearly incompressible
+        return (stretch - 1.0) / (1.0 + form.nu)
+    return float(stretch ** (2 / 3) - 1.0)  # nearly incompressible
+
+
+def _label(name: str) -> str:
+    """Write a name as both programs take it: a letter first, no points or other signs."""
+    word = re.sub(r"[^A-Za-z0-9_-]", "_", name)
+    return word if word[0].isalpha() else f"N_{word}"
 
 
 def _number(value: float) -> str:

@@ -13,6 +13,7 @@ DIRECTIONS = ("x", "y")
 COMPONENTS = ("11", "22", "33", "12")
 _PLANE = ("row", "column")
 _UNITS = {"kPa": "kPa", "mm": "mm", "mm2": "mm2", "percent": "percent", "deg": "degree"}
+_SHARES = ("deformation_gradient", "elastic_gradient")
 _AT_GAUSS = ("cell", "gauss_point")
 
 CONTACT = {
@@ -89,7 +90,7 @@ def _with_attributes(arrays: dict[str, tuple[Any, ...]]) -> dict[str, tuple[Any,
     """Replace each array's text by its attributes; its unit is the last word of its name."""
     made: dict[str, tuple[Any, ...]] = {}
     for name, (dimensions, values, text) in arrays.items():
-        unit = _UNITS.get(name.rpartition("_")[2])
+        unit = "1" if name in _SHARES else _UNITS.get(name.rpartition("_")[2])
         attributes = {"long_name": text} | ({"units": unit} if unit else {})
         made[name] = (dimensions, values, attributes)
     return made

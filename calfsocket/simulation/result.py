@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+import calfsocket
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing, write_json
 from calfsocket.io.schema import read_json
@@ -261,12 +262,14 @@ class Result:
                 compat="override",
                 join="override",
             )
+            made[STATE].attrs["long_name"] = "donned, and stages of loading"
         socket, material_set = self.record.key
         return made.assign_attrs(
             title=self.record.name,
             socket=socket,
             material_set=material_set,
             load_reached=self.checks.load,
+            source=f"calfsocket {calfsocket.__version__}",
         )
 
     def save(self, folder: Path | str) -> Path:

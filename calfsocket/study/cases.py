@@ -18,6 +18,7 @@ from calfsocket.meshes.limb import Limb
 from calfsocket.meshes.lining import Lining
 from calfsocket.meshes.placement import (
     Placement,
+    askew,
     check_liner_between,
     check_placement,
     check_size_of_rest,
@@ -206,12 +207,15 @@ class Plan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What makes one doubt laws of the cases: the place of each, and why."""
+        """What makes one doubt laws or places of the cases: the name of each, and why."""
         found = [
             f"materials.{case.materials.name}.{name}: {text}"
             for case in self.cases
             for name, text in case.materials.warnings
         ]
+        for case in {(each.socket, id(each.limb)): each for each in self.cases}.values():
+            if text := askew(case.socket, case.limb):
+                found.append(f"sockets.{case.of[0]}: {text}")
         return tuple(dict.fromkeys(found))
 
 
@@ -413,6 +417,8 @@ class Planner:
                     content.pop("uncertainty", None)
                 refuse_absent(content)
             origin = _origin(changes, place)
+            if (part := _part_of_liner(self._content, content)) and changes:
+                raise InputError(f"{self._path}: {origin}{part}")
             sockets: Any = content.get("sockets")
             for name, table in sockets.items() if isinstance(sockets, dict) else ():
                 with error_context(self._path, f"{origin}sockets.{name}"):
@@ -538,6 +544,18 @@ def _origin(changes: Changes, place: str, *prefixes: str) -> str:
     """Return where an error comes from: the changes, or those whose names begin so."""
     words = [f"{k} = {v!r}" for k, v in changes.items() if not prefixes or k.startswith(prefixes)]
     return f"{place}: with {', '.join(words)}: " if words else ""
+
+
+def _part_of_liner(written: Mapping[str, Any], changed: Mapping[str, Any]) -> str:
+    """Return what is wrong where changes vary a liner that the file does not have."""
+    liner = changed.get("liner")
+    whole = isinstance(liner, dict) and {"thickness", "law"} <= liner.keys()
+    if "liner" in written or liner is None or whole:
+        return ""
+    return (
+        "the study has no [liner] to vary; add a table [liner] with thickness and law, e.g."
+        " thickness = '3 mm' and law = 'silicone'"
+    )
 
 
 def _read_liner_law(content: Mapping[str, Any], files: Files) -> None:

@@ -1,6 +1,6 @@
 """A limb with a mesh that was made elsewhere and is solved as it is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ def limb_of_mesh(
     read, parts = read_body(path, sets, units, data)
     names = list(parts.regions)
     mesh = plane_mesh(read, parts.of, names, units)
-    remarks = list(mesh.remarks)
+    remarks = [*mesh.remarks, *_left_out(parts)]
     loops = mesh.loops
     _check_skin(mesh, loops[0], parts)
     if geometry is not None:
@@ -126,6 +126,14 @@ def limb_of_mesh(
         for number, loop in enumerate(loops)
     }
     return MeshedLimb(limb, outlines)
+
+
+def _left_out(parts: Assigned) -> Iterator[str]:
+    """Say which sets are no part of the limb."""
+    if parts.left_out:
+        yield f"left out: {', '.join(parts.left_out)}"
+    if tags.LINER in parts.left_out.values():
+        yield "a liner is not imported: give the study one, bonded to a socket that is meshed here"
 
 
 def section_of_mesh(

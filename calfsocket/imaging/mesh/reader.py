@@ -35,6 +35,8 @@ _REGION_ARRAYS = (
     "gmsh:physical", "region", "regions", "material", "materials", "materialids", "material_ids",
     "matid", "partid", "part", "label", "labels", "cellentityids", "tissue",
 )  # fmt: skip
+#: Start of the names of regions among the field data of calfsocket's `fields.vtu`.
+_OWN_REGION = "region "
 #: Beginnings of kinds of cells that are parts of a section's edges, or points.
 _LOWER = ("line", "vertex")
 
@@ -200,10 +202,13 @@ def _members(members: "NDArray[np.integer] | None") -> NDArray[np.int64]:
 
 
 def _names(mesh: "meshio.Mesh") -> dict[tuple[int, int], str]:
-    """Return names by dimension and number."""
+    """Return names by dimension and number, as gmsh has them, or calfsocket in its `fields.vtu`."""
+    own = {name for name in mesh.field_data if str(name).startswith(_OWN_REGION)}
     found = {}
     for name, said in mesh.field_data.items():
-        if np.size(said) == 2:
+        if name in own:
+            found[2, int(np.ravel(said)[0])] = str(name).removeprefix(_OWN_REGION)
+        elif np.size(said) == 2 and not own:
             tag, dim = (int(value) for value in np.ravel(said))
             found[dim, tag] = str(name)
     return found

@@ -73,10 +73,13 @@ class Assigned:
         Tissue by region, in the order of the table or the file.
     of : array
         Number of each triangle's region in that order, -1 where it is left out; (m,).
+    left_out : mapping of str to str
+        What each set is that is left out.
     """
 
     regions: Mapping[str, str]
     of: NDArray[np.int64]
+    left_out: Mapping[str, str]
 
 
 def assigned(mesh: ReadMesh, sets: Sets | None, area: Array, keep: str | None = None) -> Assigned:
@@ -142,7 +145,8 @@ def assigned(mesh: ReadMesh, sets: Sets | None, area: Array, keep: str | None = 
         )
     if not regions:
         raise InputError(f"{mesh.path}: all its sets are left out; name those of the limb")
-    return Assigned(regions, of)
+    left_out = {name: each.tissue for name, each in meanings.items() if each.region not in regions}
+    return Assigned(regions, of, left_out)
 
 
 def listed(mesh: ReadMesh, area: Array, sets: Mapping[str, Any] | None = None) -> str:
