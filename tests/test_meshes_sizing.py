@@ -106,9 +106,9 @@ def test_a_file_of_a_number_of_triangles_takes_no_mesh_more_than_the_number(monk
     made = []
     generate = gmsh_model.mesh
 
-    def count(*given):
+    def count(*given, **options):
         made.append(given)
-        generate(*given)
+        generate(*given, **options)
 
     monkeypatch.setattr(gmsh_model, "mesh", count)
     limb, socket, size = tiny_limb(), tiny_socket("A"), replace(SIZES["paper"], triangles=7000)
