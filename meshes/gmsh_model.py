@@ -175,6 +175,8 @@ def move_nodes(points: np.ndarray) -> None:
 def extract() -> TriangleMesh:
     """Return the mesh of the current model as arrays, numbered as gmsh numbers it."""
     node_tags, points = _nodes()
+    row = np.zeros(int(node_tags[-1]) + 1, dtype=np.int64)
+    row[node_tags] = np.arange(len(node_tags))
 
     def elements(dim: int, kind: int) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
         nodes, values, names = [], [], {}
@@ -182,7 +184,7 @@ def extract() -> TriangleMesh:
             names[gmsh.model.getPhysicalName(dim, group)] = group
             for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, group):
                 _, connectivity = gmsh.model.mesh.getElementsByType(kind, entity)
-                nodes.append(np.searchsorted(node_tags, connectivity).reshape(-1, _NODES[kind]))
+                nodes.append(row[connectivity].reshape(-1, _NODES[kind]))
                 values.append(np.full(len(nodes[-1]), group, dtype=np.int32))
         return np.concatenate(nodes), np.concatenate(values), names
 
