@@ -142,11 +142,12 @@ _nothing = tempfile.TemporaryDirectory
 
 @contextmanager
 def _new_cache() -> Iterator[str]:
-    """Give a user's cache that has compiled forms, and no meshes."""
+    """Give a user's cache that has all that is compiled, and no meshes."""
     with tempfile.TemporaryDirectory() as folder:
         cache = Path(folder) / "calfsocket"
         cache.mkdir()
-        (cache / "fenics").symlink_to(cache_folder() / "fenics")
+        for compiled in ("fenics", "python"):
+            (cache / compiled).symlink_to(cache_folder() / compiled)
         yield folder
 
 

@@ -25,8 +25,9 @@ from calfsocket.parallel.abort import abort_all, all_arrive, exit_code, handle_t
 
 PROGRAM = "python3 -m calfsocket"
 
-GARBAGE = 50_000
-"""New objects between Python's searches for cycles, which take a tenth of the start otherwise."""
+GARBAGE = 1_000_000
+"""New objects between Python's searches for cycles. The start makes 0.7 million, hardly any of them
+garbage; a study looks for cycles after each case by itself."""
 
 COMMANDS = {
     command.name: command
@@ -53,6 +54,8 @@ COMMANDS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     gc.set_threshold(GARBAGE)
+    # Looking for plugins in all packages that are installed takes longer than any model.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     words, petsc = _split_petsc(list(sys.argv[1:] if argv is None else argv))
     command = COMMANDS[words.pop(0)] if words and words[0] in COMMANDS else study
     first = _launched_rank() == 0

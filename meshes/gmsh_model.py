@@ -13,8 +13,10 @@ from calfsocket.meshes import tags
 from calfsocket.meshes.curves import ClosedCurve
 from calfsocket.meshes.triangles import TriangleMesh
 
-#: Element types of the MSH format: 3-node line and 6-node triangle.
-LINE3, TRIANGLE6 = 8, 9
+#: Element types of the MSH format: lines of 2 and 3 nodes, triangles of 3 and 6.
+LINE2, LINE3, TRIANGLE3, TRIANGLE6 = 1, 8, 2, 9
+#: How many nodes they have.
+_NODES = {LINE2: 2, LINE3: 3, TRIANGLE3: 3, TRIANGLE6: 6}
 
 # Everything that decides where a node goes, so that neither a user's ~/.gmshrc nor the number of
 # processors can move one. Frontal-Delaunay gives the best-shaped triangles. The element size is
@@ -123,8 +125,11 @@ def mesh(
     edges: Mapping[str, Sequence[int]],
     size: Callable[[], Sequence[int]],
     region_tags: Mapping[str, int] | None = None,
+    curved: bool = True,
 ) -> None:
     """Mesh the current model with 6-node triangles whose mid-side nodes lie on the curves.
+
+    Unless they are to be `curved`, they are straight and have 3 nodes, until `curve`.
 
     `surfaces` and `edges` are by region and boundary. `size` adds size fields when the surfaces are
     there; the smallest counts. `region_tags` are by default 1, 2, ... in the order of `surfaces`;
@@ -141,19 +146,37 @@ def mesh(
         gmsh.model.addPhysicalGroup(1, parts, tags.FACETS[name], name)
     gmsh.model.mesh.field.setAsBackgroundMesh(add_field("Min", FieldsList=size()))
     gmsh.model.mesh.generate(2)
+    if curved:
+        curve()
+
+
+def curve() -> None:
+    """Make 6-node triangles of the current model's straight ones."""
     gmsh.model.mesh.setOrder(2)
 
 
 def move_nodes(points: np.ndarray) -> None:
-    """Move the nodes of the current model to these points, in the order of `extract`."""
-    node_tags, before = _nodes()
-    for row in np.flatnonzero((before != points).any(axis=1)):
-        gmsh.model.mesh.setNode(node_tags[row], [*points[row], 0.0], [])
+    """Move nodes inside regions of the current model to these points, in the order of `extract`.
+
+    Surfaces are meshed with them anew, since gmsh moves nodes one by one.
+    """
+    mesh = gmsh.model.mesh
+    every, _ = _nodes()
+    for surface in gmsh.model.getEntities(2):
+        inside, _, _ = mesh.getNodes(*surface)
+        elements = mesh.getElements(*surface)
+        moved = np.zeros((len(inside), 3))
+        moved[:, :2] = points[np.searchsorted(every, inside)]
+        mesh.clear([surface])
+        mesh.addNodes(*surface, inside, moved.ravel())
+        mesh.addElements(*surface, *elements)
 
 
 def extract() -> TriangleMesh:
     """Return the mesh of the current model as arrays, numbered as gmsh numbers it."""
     node_tags, points = _nodes()
+    row = np.zeros(int(node_tags[-1]) + 1, dtype=np.int64)
+    row[node_tags] = np.arange(len(node_tags))
 
     def elements(dim: int, kind: int) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
         nodes, values, names = [], [], {}
@@ -161,13 +184,13 @@ def extract() -> TriangleMesh:
             names[gmsh.model.getPhysicalName(dim, group)] = group
             for entity in gmsh.model.getEntitiesForPhysicalGroup(dim, group):
                 _, connectivity = gmsh.model.mesh.getElementsByType(kind, entity)
-                width = 6 if kind == TRIANGLE6 else 3
-                nodes.append(np.searchsorted(node_tags, connectivity).reshape(-1, width))
+                nodes.append(row[connectivity].reshape(-1, _NODES[kind]))
                 values.append(np.full(len(nodes[-1]), group, dtype=np.int32))
         return np.concatenate(nodes), np.concatenate(values), names
 
-    cells, cell_tags, regions = elements(2, TRIANGLE6)
-    facets, facet_tags, boundaries = elements(1, LINE3)
+    is_curved = TRIANGLE6 in gmsh.model.mesh.getElementTypes(2)
+    cells, cell_tags, regions = elements(2, TRIANGLE6 if is_curved else TRIANGLE3)
+    facets, facet_tags, boundaries = elements(1, LINE3 if is_curved else LINE2)
     return TriangleMesh(points, cells, cell_tags, facets, facet_tags, regions, boundaries)
 
 

@@ -458,10 +458,9 @@ class Limb(Strict):
         if self.mesh is not None:
             bones = [each.id for each in self.regions if each.tissue == "bone"]
             return np.concatenate([self.mesh.outline(bones), self.mesh.edges(tags.TIBIA_MEDULLARY)])
-        loops = limb_curves(self)
         hard = [region.outer for region in self.regions if region.tissue == "bone"]
-        points = [loops[name].evaluate(loops[name].sample(step)) for name in
-                  (*hard, self.fixed_boundary)]  # fmt: skip
+        edges = [_curve(self, name) for name in (*hard, self.fixed_boundary)]
+        points = [curve.evaluate(curve.sample(step)) for curve in edges]
         return np.concatenate(
             [np.stack([each, np.roll(each, -1, axis=0)], axis=1) for each in points]
         )

@@ -4,17 +4,15 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
-from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
 from calfsocket.io.errors import InputError
 from calfsocket.io.system import gmsh
 from calfsocket.meshes import gmsh_model, sizing, store, tags
 from calfsocket.meshes.curves import ClosedCurve
-from calfsocket.meshes.distributed import SectionMesh, distribute
 from calfsocket.meshes.given import joined
 from calfsocket.meshes.limb import Limb, limb_curves
 from calfsocket.meshes.lining import Lining, fitted
@@ -27,16 +25,22 @@ from calfsocket.meshes.smoothing import smooth
 from calfsocket.meshes.socket import MeshedSocket, Socket
 from calfsocket.meshes.triangles import EQUILATERAL_AREA, SUBDIVISION, TriangleMesh
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from mpi4py import MPI
+
+    from calfsocket.meshes.distributed import SectionMesh
+
 
 def section_mesh(
-    comm: MPI.Comm,
+    comm: "MPI.Comm",
     limb: Limb,
     socket: Socket,
     size: MeshSize,
     liner: Lining | None = None,
     refinement: Refinement | None = None,
     again: bool = True,
-) -> SectionMesh:
+) -> "SectionMesh":
     """Mesh a limb, a liner and a socket on rank 0 of `comm` and distribute it over its ranks.
 
     With a refinement, `size` has its number of triangles. Unless it is to be made `again`, a mesh
@@ -47,6 +51,7 @@ def section_mesh(
     InputError
         On every rank, when the data cannot be meshed.
     """
+    from calfsocket.meshes.distributed import distribute  # dolfinx, which a mesh file does without
 
     def make() -> TriangleMesh:
         return build(limb, socket, size, liner, refinement)
@@ -83,7 +88,7 @@ def build(
     return joined(given[0], made) if limb.mesh is not None else joined(made, given[0])
 
 
-def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> pd.DataFrame:
+def write_section(path: Path | str, limb: Limb, socket: Socket, size: MeshSize) -> "pd.DataFrame":
     """Write the mesh, with its names, as a gmsh file; return the table of `quality_table`.
 
     The file appears whole or not at all, and the same input gives the same bytes.
@@ -158,20 +163,25 @@ class _Section:
     @contextmanager
     def meshed(self, size: MeshSize) -> Iterator[TriangleMesh]:
         """Give the mesh, its nodes as gmsh has them, while gmsh has it as its model."""
-        found: list[TriangleMesh] = []
         with ExitStack() as model:
 
-            def count(trial: MeshSize) -> int:
+            def generate(trial: MeshSize) -> None:
                 model.close()  # that of the trial before
                 model.enter_context(gmsh_model.session("section"))
                 self.generate(trial)
-                found.append(gmsh_model.extract())
-                return len(found[-1].cells)
 
-            size.for_triangles(count, lambda trial: self._room(found[-1], trial))
-            if not found:
-                count(size)
-            yield found[-1]
+            trials: list[TriangleMesh] = []
+
+            def count(trial: MeshSize) -> int:
+                generate(trial)
+                trials.append(gmsh_model.extract())
+                return len(trials[-1].cells)
+
+            size.for_triangles(count, lambda trial: self._room(trials[-1], trial))
+            if not trials:
+                generate(size)
+            gmsh_model.curve()  # the last one alone
+            yield gmsh_model.extract()
 
     def _sizes(self, size: MeshSize) -> list[SizeField]:
         """Sizes on the limb's side and on the socket's; those of the last size are kept."""
@@ -200,7 +210,7 @@ class _Section:
         return float((area * density).sum() / EQUILATERAL_AREA)
 
     def generate(self, size: MeshSize) -> None:
-        """Mesh in the current gmsh model, with named physical groups.
+        """Mesh in the current gmsh model, with named physical groups and straight triangles.
 
         A liner shares its nodes with what it is bonded to. The nodes are gmsh's, before `smooth`.
         """
@@ -233,11 +243,14 @@ class _Section:
                 boundaries,
                 lambda: [_add_size(folder, field, parts) for field, parts in fields],
                 limb.region_tags,
+                curved=False,
             )
 
 
-def plated_limb_mesh(comm: MPI.Comm, limb: Limb, plate: Plate, size: MeshSize) -> SectionMesh:
+def plated_limb_mesh(comm: "MPI.Comm", limb: Limb, plate: Plate, size: MeshSize) -> "SectionMesh":
     """Mesh a limb and a plate that touches its hindmost point from behind, on all ranks."""
+    from calfsocket.meshes.distributed import distribute
+
     return distribute(comm, lambda: build_plated_limb(limb, plate, size))
 
 

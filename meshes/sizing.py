@@ -20,6 +20,8 @@ SAMPLE_STEP = 0.1
 GRID_STEP = 0.25
 #: Points of that grid, along each side, that are searched together for what is near.
 BLOCK = 8
+#: Points of curves that are not divided any further in a search: some 2 mm of a curve.
+TOGETHER = 24
 #: Numbers of triangles that may be asked for: with fewer the thin layers are meshed badly.
 FEWEST_TRIANGLES, MOST_TRIANGLES = 7000, 1_000_000
 #: Name of the size that a solution refines, and how many triangles it may have unless it says so.
@@ -279,24 +281,35 @@ class LimbSizes:
     """Element sizes of a limb, from its curves; `contact` names the skin's outline."""
 
     def __init__(self, loops: Mapping[str, ClosedCurve], contact: str) -> None:
-        parameters = {name: curve.sample(SAMPLE_STEP) for name, curve in loops.items()}
-        points = {name: loops[name].evaluate(t) for name, t in parameters.items()}
-        gaps, radii = [], []
-        for name, curve in loops.items():
-            others = np.concatenate([p for other, p in points.items() if other != name])
-            gaps.append(_tree(others).query(points[name])[0])
-            with np.errstate(divide="ignore"):
-                radii.append(1 / np.abs(curve.curvature(parameters[name])))
-        self._around = Surroundings(np.concatenate(list(points.values())))
-        self._gap, self._radius = np.concatenate(gaps), np.concatenate(radii)
-        self._on_skin = np.concatenate([np.full(len(p), n == contact) for n, p in points.items()])
+        parameters = [curve.sample(SAMPLE_STEP) for curve in loops.values()]
+        curves = list(zip(loops.values(), parameters, strict=True))
+        self._curves = [curve.evaluate(t) for curve, t in curves]
+        with np.errstate(divide="ignore"):
+            radii = [1 / np.abs(curve.curvature(t)) for curve, t in curves]
+        self._around = Surroundings(np.concatenate(self._curves))
+        self._radius = np.concatenate(radii)
+        self._on_skin = np.repeat([name == contact for name in loops], [*map(len, radii)])
 
     def field(self, size: MeshSize) -> SizeField:
         """Return the field of a size."""
         most = np.where(self._on_skin, size.on_skin, size.on_curves)
-        wanted = np.clip(size.gap_fraction * self._gap, size.smallest, most)
+        gap = self._gaps(most.max() / size.gap_fraction)
+        wanted = np.clip(size.gap_fraction * gap, size.smallest, most)
         sizes = np.minimum(wanted, size.curvature_fraction * self._radius)
         return self._around.spread(sizes, size)
+
+    def _gaps(self, reach: float) -> Array:
+        """Return the distance of each point from the nearest other curve, within a reach."""
+        reach *= 1.0 + 1e-9  # what is left out is larger than the reach itself
+        every = np.concatenate(self._curves)
+        x, y = every.T.copy()
+        curve = np.repeat(np.arange(len(self._curves)), [*map(len, self._curves)])
+        gaps = []
+        for number, points in enumerate(self._curves):
+            (left, low), (right, high) = points.min(axis=0) - reach, points.max(axis=0) + reach
+            around = (left < x) & (x < right) & (low < y) & (y < high) & (curve != number)
+            gaps.append(_tree(every[around]).query(points, distance_upper_bound=reach)[0])
+        return np.concatenate(gaps)
 
 
 class SocketSizes:
@@ -334,7 +347,7 @@ class SocketSizes:
 
 def _tree(points: Array) -> cKDTree:
     """Return points to search; they lie along curves, where splitting at medians costs more."""
-    return cKDTree(points, balanced_tree=False, compact_nodes=False)
+    return cKDTree(points, leafsize=TOGETHER, balanced_tree=False, compact_nodes=False)
 
 
 class Surroundings:

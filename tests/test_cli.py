@@ -50,7 +50,22 @@ def test_help_teaches_and_waits_for_no_heavy_package(tmp_path):
     assert loaded == "set()"
 
 
-@pytest.mark.parametrize(("words", "code"), [(["schema"], 0), (["picture", "nowhere"], 2)])
+MESH = ["mesh", "--socket", "HS", "--size", "coarse", "--out", "hs.msh"]
+
+
+def test_what_solves_a_study_waits_for_no_table():
+    program = (
+        "import sys, calfsocket.study.runner; print({'pandas', 'matplotlib'} & {*sys.modules})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "set()\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "code"), [(["schema"], 0), (["picture", "nowhere"], 2), (MESH, 0)]
+)
 def test_a_command_of_one_process_starts_no_mpi(tmp_path, words, code):
     program = (
         "import sys\n"

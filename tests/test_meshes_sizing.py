@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from calfsocket.io.errors import InputError
 from calfsocket.meshes import gmsh_model, sizing
+from calfsocket.meshes.limb import limb_curves
 from calfsocket.meshes.section import build, write_section
 from calfsocket.meshes.sizing import (
     BLOCK,
@@ -16,6 +17,7 @@ from calfsocket.meshes.sizing import (
     MOST_TRIANGLES,
     SIZES,
     TRIALS,
+    LimbSizes,
     mesh_size,
     named_size,
 )
@@ -85,6 +87,22 @@ def test_a_section_has_about_so_many_triangles():
     assert len(mesh.cells) == pytest.approx(7000, rel=2 * COUNT_TOLERANCE)
 
 
+@pytest.mark.parametrize("reach", [1.6, 3.1, 40.0])
+def test_a_gap_is_the_distance_of_the_nearest_other_curve_within_the_reach(reach):
+    limb = tiny_limb()
+    sizes = LimbSizes(limb_curves(limb), limb.contact_boundary)
+    gaps = np.split(sizes._gaps(reach), np.cumsum([*map(len, sizes._curves)])[:-1])
+    near = 0
+    for number, (points, found) in enumerate(zip(sizes._curves, gaps, strict=True)):
+        others = np.concatenate([each for i, each in enumerate(sizes._curves) if i != number])
+        wanted = cKDTree(others).query(points)[0]
+        is_near = wanted <= reach
+        np.testing.assert_array_equal(found[is_near], wanted[is_near])
+        assert np.isinf(found[wanted > 1.001 * reach]).all()
+        near += is_near.sum()
+    assert 0 < near
+
+
 @pytest.mark.parametrize("reach", [0.1, 1.9, 5.0, 40.0])
 def test_what_is_near_is_the_same_by_blocks_as_from_every_point(reach):
     """Whatever the reach, and where the last blocks are not whole."""
@@ -106,9 +124,9 @@ def test_a_file_of_a_number_of_triangles_takes_no_mesh_more_than_the_number(monk
     made = []
     generate = gmsh_model.mesh
 
-    def count(*given):
+    def count(*given, **options):
         made.append(given)
-        generate(*given)
+        generate(*given, **options)
 
     monkeypatch.setattr(gmsh_model, "mesh", count)
     limb, socket, size = tiny_limb(), tiny_socket("A"), replace(SIZES["paper"], triangles=7000)

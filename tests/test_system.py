@@ -31,6 +31,18 @@ def test_where_all_is_there_an_error_stays_what_it_is() -> None:
         raise ZeroDivisionError
 
 
+def test_gmsh_is_compiled_once_and_kept_where_the_user_may_write(tmp_path: Path) -> None:
+    program = "import sys; from calfsocket.io import system; print(sys.pycache_prefix)"
+    environment = os.environ | {"XDG_CACHE_HOME": os.fspath(tmp_path)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"{os.environ.get('PYTHONPYCACHEPREFIX')}\n"
+    (kept,) = (tmp_path / "calfsocket" / "python").rglob("gmsh.*.pyc")
+    assert kept.stat().st_size > 100_000
+
+
 def test_missing_libraries_of_gmsh_are_said_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "gmsh.py").write_text("raise OSError('libGLU.so.1: cannot open')")
     search = os.pathsep.join([str(tmp_path), str(Path(__file__).resolve().parent.parent)])

@@ -12,8 +12,8 @@ from report_text import write_small
 from calfsocket import cli
 from calfsocket.io.errors import InputError, SolveError
 from calfsocket.report.figures.uncertain import pressure_band
+from calfsocket.simulation.design import EVALUATED
 from calfsocket.simulation.results import load_results
-from calfsocket.simulation.uncertain import EVALUATED
 from calfsocket.study import runner
 from calfsocket.study.study import Study
 from tiny_study import tiny_limb

@@ -263,9 +263,9 @@ def _finish(comm: Comm, results: "Results", arguments: Namespace, console: "Cons
 
 def _log_to(console: "Console") -> None:
     """Show the study's messages, and warnings of all packages."""
-    from rich.logging import RichHandler
-
     if console.is_terminal:
+        from rich.logging import RichHandler
+
         handler: logging.Handler = RichHandler(console=console, show_path=False)
     else:
         handler = logging.StreamHandler()

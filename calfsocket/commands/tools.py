@@ -12,6 +12,7 @@ from calfsocket.io.errors import InputError
     options.size("paper"),
     option("--out", type=Path, required=True, metavar="FILE.msh"),
     description="Write a mesh with named regions and boundaries, and print a table of its quality.",
+    solves=False,
 )
 @first_rank
 def mesh(arguments: Namespace) -> None:

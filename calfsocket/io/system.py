@@ -3,15 +3,42 @@
 import os
 import shlex
 import subprocess
+import sys
 import sysconfig
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+import numpy  # noqa: F401  # before gmsh, with which it would be kept, too
 
 from calfsocket.io.errors import CalfsocketError
 
+
+def cache_folder() -> Path:
+    """Folder for what need not be made again, under the user's cache directory."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "calfsocket"
+
+
+@contextmanager
+def _bytecode_kept() -> Iterator[None]:
+    """Keep what Python compiles of a module in the user's cache.
+
+    Debian compiles nothing of gmsh ahead, and a user may not write beside it: Python would compile
+    its 400 kB at every start.
+    """
+    before = sys.pycache_prefix
+    with suppress(RuntimeError):  # no home
+        sys.pycache_prefix = str(cache_folder() / "python")
+    try:
+        yield
+    finally:
+        sys.pycache_prefix = before
+
+
 try:
-    import gmsh as gmsh
+    with _bytecode_kept():
+        import gmsh as gmsh
 except OSError as error:  # its wheel is linked with those of a desktop
     raise CalfsocketError(
         f"gmsh cannot be loaded: {error}; it needs libraries of a desktop, in Debian 13: "
@@ -23,12 +50,6 @@ _MISSING = (
     "the forms cannot be compiled: {reason}; a C compiler and the headers of Python are needed, in "
     "Debian 13: apt-get install gcc libc6-dev python3-dev; another compiler is named by CC"
 )
-
-
-def cache_folder() -> Path:
-    """Folder for what need not be made again, under the user's cache directory."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "calfsocket"
 
 
 @contextmanager

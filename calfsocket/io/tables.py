@@ -5,12 +5,15 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from calfsocket.io.errors import WriteError, in_one_line
 from calfsocket.io.files import locked, replacing
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FLOAT_FORMAT = "%.10g"
 
@@ -78,7 +81,7 @@ def _text(value: object) -> str:
 
 
 def merge_csv(
-    path: Path, rows: pd.DataFrame, key: Sequence[str], order: Sequence[tuple[str, ...]]
+    path: Path, rows: "pd.DataFrame", key: Sequence[str], order: Sequence[tuple[str, ...]]
 ) -> None:
     """Put a case's rows into a CSV that several cases share, in place of its earlier rows.
 

@@ -31,9 +31,12 @@ def on_first_rank(comm: "MPI.Intracomm", task: Callable[[], Value]) -> Value:
             value = task()
         except Exception as error:
             failure = error
-    value, known = comm.bcast((value, for_others(failure)), root=0)
-    if failure or known:
-        raise failure or known
+    if comm.size > 1:  # MPI would pack it and unpack it for rank 0, too
+        sent = comm.bcast((value, for_others(failure)), root=0)
+        if comm.rank > 0:
+            value, failure = sent
+    if failure:
+        raise failure
     return cast(Value, value)
 
 

@@ -1,12 +1,15 @@
 """The way through stages of loading as a table, and its limits in words."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from calfsocket.mechanics.stages import Limit, Point
 from calfsocket.meshes.frame import Frame
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def sides(frame: Frame) -> tuple[str, str]:
@@ -15,12 +18,14 @@ def sides(frame: Frame) -> tuple[str, str]:
     return first.removeprefix("+"), second.removeprefix("+")
 
 
-def curve_table(points: Sequence[Point], frame: Frame) -> pd.DataFrame:
+def curve_table(points: Sequence[Point], frame: Frame) -> "pd.DataFrame":
     """Return one row an equilibrium: loads, motion of the socket, slip, and work.
 
     Forces, moments and work are for each mm of limb length; motion, work and changes of volume
     count from the donned socket. Moment and rotation are counter-clockwise in the section.
     """
+    import pandas as pd
+
     x, y = sides(frame)
     tissues = list(dict.fromkeys(tissue for point in points for tissue in point.volume))
     return pd.DataFrame(

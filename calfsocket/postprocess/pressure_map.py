@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from calfsocket.io.files import replacing
@@ -17,6 +16,9 @@ from calfsocket.meshes.levels import Place
 from calfsocket.meshes.limb import Limb
 from calfsocket.postprocess.contact_line import RUNNING_MEAN_MM, ContactLine, running_mean
 from calfsocket.postprocess.vtu import xml_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -142,8 +144,10 @@ class PressureMap:
         return np.stack([each.shear_kPa for each in self.levels])
 
     @property
-    def table(self) -> pd.DataFrame:
+    def table(self) -> "pd.DataFrame":
         """One row a level and angle; pressure and shear are empty where a level is missing."""
+        import pandas as pd
+
         angle = angles()
         return pd.concat(
             [

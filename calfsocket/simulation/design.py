@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from calfsocket.io.errors import InputError
@@ -16,6 +15,8 @@ from calfsocket.uncertainty.failures import pattern
 from calfsocket.uncertainty.inputs import Array, Joint, Uncertainty
 
 DESIGN_FILE = "design.csv"
+EVALUATED = ("uncertainty.csv", "sobol.csv", "contact_pressure_band.csv")
+"""Files of what is evaluated of it: all numbers, what each input explains, contact pressure."""
 
 PURPOSE, FIT, CHECK = "purpose", "fit", "check"
 """Column that says what a case was drawn for, and its values."""
@@ -123,6 +124,8 @@ def read_design(folder: Path, content: Mapping[str, Any], records: Iterable[Case
     InputError
         When design.csv is missing or is not that of the study.
     """
+    import pandas as pd
+
     path = folder / DESIGN_FILE
     inputs = Uncertainty.model_validate(content)
     names = [heading(name, of.unit) for name, of in inputs.inputs.items()]

@@ -1,15 +1,18 @@
 """Cases along a limb of many levels: their contact as a map, and the worst level of each tissue."""
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from calfsocket.meshes.levels import LimbLevels, Place
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.mesh_error import MESH_ERROR
 from calfsocket.postprocess.pressure_map import MapLevel, PressureMap
 from calfsocket.simulation.record import KEY, LEVEL, CaseRecord
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Cases = dict[tuple[str, str], dict[Place, CaseRecord]]
 """Records by socket and material set, without their level, and by their level."""
@@ -60,7 +63,7 @@ def map_of(
     return PressureMap(socket, material_set, tuple(levels), limb.levels[0].limb.frame)
 
 
-def worst_levels(summary: pd.DataFrame, records: Iterable[CaseRecord]) -> pd.DataFrame:
+def worst_levels(summary: "pd.DataFrame", records: Iterable[CaseRecord]) -> "pd.DataFrame":
     """Return at which level each quantity of each tissue is largest in magnitude.
 
     Parameters

@@ -4,12 +4,15 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
 from petsc4py import PETSc
 from rich.table import Table
 
 from calfsocket.io.fenics import timed
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PROFILE_FILE = "profile.csv"
 
@@ -83,8 +86,10 @@ class Profile:
             for name, (count, seconds) in self._before.items()
         }
 
-    def rows(self, phases: Mapping[str, float]) -> pd.DataFrame:
+    def rows(self, phases: Mapping[str, float]) -> "pd.DataFrame":
         """Return what, calls and seconds: phases, events within the solution, timers of dolfinx."""
+        import pandas as pd
+
         rows = [("phase", name, 1, seconds) for name, seconds in phases.items()]
         solve = phases.get(SOLVE, 0.0)
         known = sum(self._events[name][1] for name in SOLVE_EVENTS)
@@ -97,7 +102,7 @@ class Profile:
         return pd.DataFrame(rows, columns=["level", "what", "calls", "seconds"])
 
 
-def solve_ratio(rows: pd.DataFrame) -> float:
+def solve_ratio(rows: "pd.DataFrame") -> float:
     """Wall time of the solution over that of its numeric factorisations and triangular solves."""
     seconds = rows.set_index(["level", "what"])["seconds"]
     algebra = seconds[SOLVE, FACTORISATION] + seconds[SOLVE, TRIANGULAR]
@@ -106,6 +111,8 @@ def solve_ratio(rows: pd.DataFrame) -> float:
 
 def table(folder: Path) -> Table:
     """Lay out the profile of a study, a column a case, seconds and calls."""
+    import pandas as pd
+
     rows = pd.read_csv(folder / PROFILE_FILE)
     cases = list(rows.groupby(["socket", "material_set"], sort=False))
     shown = Table(title="Wall time, s (calls)")

@@ -7,8 +7,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
 import calfsocket
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing, write_json
@@ -24,6 +22,7 @@ from calfsocket.postprocess.vtu import FIELDS_FILE, read_fields, write_fields
 from calfsocket.simulation.record import CaseRecord, Checks
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray
     from matplotlib.figure import Figure
 
@@ -75,10 +74,10 @@ class Result:
     record: CaseRecord
     fields: SectionFields
     line: ContactLine
-    steps: pd.DataFrame
+    steps: "pd.DataFrame"
     lining: ContactLine | None = None
     states: Mapping[str, "Result"] = field(default_factory=dict)
-    curve: pd.DataFrame | None = None
+    curve: "pd.DataFrame | None" = None
     second: "Result | None" = None
 
     @property
@@ -100,7 +99,7 @@ class Result:
         return self.record.checks
 
     @property
-    def contact(self) -> pd.DataFrame:
+    def contact(self) -> "pd.DataFrame":
         """Contact along the skin, one row a point: the arrays of `ContactLine` as columns."""
         return self.line.table
 
@@ -115,12 +114,12 @@ class Result:
         return contact_quantities(self.fields, self.line)
 
     @cached_property
-    def _summary(self) -> pd.DataFrame:
+    def _summary(self) -> "pd.DataFrame":
         return self.with_mesh_error(
             lambda of: summary(of.quantities, of.line, of.contact_levels, of.lining)
         )
 
-    def summary(self) -> pd.DataFrame:
+    def summary(self) -> "pd.DataFrame":
         """Return the largest level of every quantity in every tissue, and the contact's numbers.
 
         Returns
@@ -133,10 +132,10 @@ class Result:
         return self._summary.copy()
 
     @cached_property
-    def _levels(self) -> pd.DataFrame:
+    def _levels(self) -> "pd.DataFrame":
         return self.levels_with_error(lambda of: levels(of.quantities, of.line, of.lining))
 
-    def levels(self) -> pd.DataFrame:
+    def levels(self) -> "pd.DataFrame":
         """Return mean, rms and the levels that 50, 95, 99 and 99.9 % of the area stay below.
 
         Of every quantity of the summary in every tissue and region, by undeformed area, and of
@@ -181,20 +180,22 @@ class Result:
             return float("nan")
         return mesh_error.times_change(self.checks.cells, self.second.checks.cells)
 
-    def with_mesh_error(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
+    def with_mesh_error(self, table: "Callable[[Result], pd.DataFrame]") -> "pd.DataFrame":
         """Return a table with rows as of the summary; with mesh_error where a second mesh is."""
         if self.second is None:
             return table(self)
         return mesh_error.of_maxima(table(self), table(self.second), self.times_change)
 
-    def levels_with_error(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
+    def levels_with_error(self, table: "Callable[[Result], pd.DataFrame]") -> "pd.DataFrame":
         """Return a table with rows as of the levels; with their errors where a second mesh is."""
         if self.second is None:
             return table(self)
         return mesh_error.of_levels(table(self), table(self.second), self.times_change)
 
-    def of_states(self, table: "Callable[[Result], pd.DataFrame]") -> pd.DataFrame:
+    def of_states(self, table: "Callable[[Result], pd.DataFrame]") -> "pd.DataFrame":
         """Return a table of the case; with a column `state` where it has stages of loading."""
+        import pandas as pd
+
         if not self.states:
             return table(self)
         parts = []
@@ -245,6 +246,7 @@ class Result:
         --------
         ``result.to_xarray().stress_kPa.sel(component="33").mean("gauss_point")``
         """
+        import pandas as pd
         import xarray
 
         from calfsocket.postprocess.dataset import dataset
@@ -346,6 +348,8 @@ class Result:
     @classmethod
     def read(cls, folder: Path, record: CaseRecord) -> "Result":
         """Read the files of a case whose record is known."""
+        import pandas as pd
+
         try:
             path = folder / FIELDS_FILE
             fields = read_fields(folder)

@@ -5,8 +5,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from calfsocket.io.errors import InputError
 from calfsocket.io.files import replacing
 from calfsocket.io.schema import nearest, read_json
@@ -22,10 +20,12 @@ from calfsocket.simulation.design import Design, read_design
 from calfsocket.simulation.levels import Cases, along, map_of, worst_levels
 from calfsocket.simulation.record import KEY, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.result import CONTACT_FILE, RESULT_FILE, STATE, STEPS_FILE, Result
-from calfsocket.simulation.uncertain import Evaluation, Uncertain, evaluate, evaluations, numbers
 
 if TYPE_CHECKING:
+    import pandas as pd
     from mpi4py import MPI
+
+    from calfsocket.simulation.uncertain import Evaluation, Uncertain
 
 SUMMARY_FILE = "summary.csv"
 LEVELS_FILE = "levels.csv"
@@ -106,26 +106,28 @@ class Results(Mapping[Key, Result]):
         return tuple(dict.fromkeys(name for _, name in self._records if name in solved))
 
     @cached_property
-    def summary(self) -> pd.DataFrame:
+    def summary(self) -> "pd.DataFrame":
         """Rows of summary.csv of all donned sockets; computed where there is none."""
         return self._table(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
 
     @cached_property
-    def levels(self) -> pd.DataFrame:
+    def levels(self) -> "pd.DataFrame":
         """Rows of levels.csv of all donned sockets; computed where there is none."""
         return self._table(LEVELS_FILE, Result.levels, LEVEL_COLUMNS).fillna({"region": ""})
 
     @cached_property
-    def states(self) -> pd.DataFrame:
+    def states(self) -> "pd.DataFrame":
         """Rows of summary.csv in every state, with a column `state`; empty without stages."""
         return self._in_states(Result.summary)
 
     @cached_property
-    def levels_of_states(self) -> pd.DataFrame:
+    def levels_of_states(self) -> "pd.DataFrame":
         """Rows of levels.csv in every state, with a column `state`; empty without stages."""
         return self._in_states(Result.levels)
 
-    def _in_states(self, of_result: Callable[[Result], pd.DataFrame]) -> pd.DataFrame:
+    def _in_states(self, of_result: "Callable[[Result], pd.DataFrame]") -> "pd.DataFrame":
+        import pandas as pd
+
         parts = [
             of_case(result.of_states(of_result), result.record, key)
             for key, result in self.items()
@@ -134,12 +136,12 @@ class Results(Mapping[Key, Result]):
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
     @cached_property
-    def contact(self) -> pd.DataFrame:
+    def contact(self) -> "pd.DataFrame":
         """Rows of contact.csv of all donned sockets."""
         return self._table(CONTACT_FILE, lambda result: result.contact, CONTACT_COLUMNS)
 
     @cached_property
-    def steps(self) -> pd.DataFrame:
+    def steps(self) -> "pd.DataFrame":
         """Rows of steps.csv of all cases."""
         return self._table(STEPS_FILE, lambda result: result.steps)
 
@@ -153,6 +155,8 @@ class Results(Mapping[Key, Result]):
 
     @cached_property
     def _columns(self) -> dict[str, dict[tuple[str, ...], float]]:
+        import pandas as pd
+
         key = pd.MultiIndex.from_frame(self.summary[[*KEY, "tissue", "quantity"]])
         known = [name for name in ("value", MESH_ERROR) if name in self.summary]
         return {name: dict(zip(key, map(float, self.summary[name]), strict=True)) for name in known}
@@ -200,7 +204,7 @@ class Results(Mapping[Key, Result]):
         )
 
     @cached_property
-    def worst_levels(self) -> pd.DataFrame:
+    def worst_levels(self) -> "pd.DataFrame":
         """The level at which each quantity of each tissue is largest in magnitude, a row each."""
         return worst_levels(with_levels(self.summary, self.levels), self._records.values())
 
@@ -230,11 +234,13 @@ class Results(Mapping[Key, Result]):
     # -- with uncertain inputs ------------------------------------------------------------------
 
     @cached_property
-    def uncertainty(self) -> Uncertain | None:
+    def uncertainty(self) -> "Uncertain | None":
         """What the study's uncertain inputs do to its results; None where it has none."""
         if self.run is None or "uncertainty" not in self.run.study.content:
             return None
         from mpi4py import MPI
+
+        from calfsocket.simulation.uncertain import Uncertain, evaluate
 
         return Uncertain.read(self.folder) or evaluate(self._evaluations, MPI.COMM_SELF)
 
@@ -249,13 +255,17 @@ class Results(Mapping[Key, Result]):
         """Write the tables of `uncertainty`, if there is any (collective)."""
         if self.run is None or "uncertainty" not in self.run.study.content:
             return
+        from calfsocket.simulation.uncertain import Uncertain, evaluate
+
         found = on_first_rank(comm, lambda: Uncertain.read(self.folder))
         if found is None:
             found = evaluate(self._evaluations, comm)
             on_first_rank(comm, lambda: found.write(self.folder))
 
-    def _evaluations(self) -> list[Evaluation]:
+    def _evaluations(self) -> "list[Evaluation]":
         """Collect what is computed of the uncertain inputs."""
+        from calfsocket.simulation.uncertain import evaluations, numbers
+
         summary = self._rows(SUMMARY_FILE, Result.summary, SUMMARY_COLUMNS)
         levels = self._rows(LEVELS_FILE, Result.levels, LEVEL_COLUMNS).fillna({"region": ""})
         contact = self._rows(CONTACT_FILE, lambda result: result.contact, CONTACT_COLUMNS)
@@ -321,16 +331,18 @@ class Results(Mapping[Key, Result]):
         return Results(self.folder, self.run, records, self._read)
 
     def _table(
-        self, name: str, of_result: Callable[[Result], pd.DataFrame], columns: Sequence[str] = ()
-    ) -> pd.DataFrame:
+        self, name: str, of_result: "Callable[[Result], pd.DataFrame]", columns: Sequence[str] = ()
+    ) -> "pd.DataFrame":
         """Return the rows of a table of all donned sockets; computed where there is none."""
         rows = self._rows(name, of_result, columns)
         return rows[rows[STATE] == DONNED].drop(columns=STATE).reset_index(drop=True)
 
     def _rows(
-        self, name: str, of_result: Callable[[Result], pd.DataFrame], columns: Sequence[str] = ()
-    ) -> pd.DataFrame:
+        self, name: str, of_result: "Callable[[Result], pd.DataFrame]", columns: Sequence[str] = ()
+    ) -> "pd.DataFrame":
         """Return the rows of all states, whose names are in a column `state`."""
+        import pandas as pd
+
         if not self.records:
             return pd.DataFrame(columns=[*KEY, STATE, *columns])
         path = self.folder / name
@@ -357,7 +369,7 @@ class Results(Mapping[Key, Result]):
         return pd.concat(parts, ignore_index=True)
 
 
-def of_case(rows: pd.DataFrame, record: CaseRecord, key: Key | None = None) -> pd.DataFrame:
+def of_case(rows: "pd.DataFrame", record: CaseRecord, key: Key | None = None) -> "pd.DataFrame":
     """Return a case's rows with the columns that name it in a table of several cases.
 
     `key` is its name where that is not its own.
@@ -414,7 +426,9 @@ def load_results(folder: Path | str, known: Mapping[Key, Result] | None = None) 
     return Results(folder, run, records, read_once)
 
 
-def _read_table(path: Path) -> pd.DataFrame:
+def _read_table(path: Path) -> "pd.DataFrame":
+    import pandas as pd
+
     try:
         table = pd.read_csv(path, dtype=dict.fromkeys(KEY, str), keep_default_na=True)
     except (OSError, ValueError) as error:

@@ -10,7 +10,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from mpi4py import MPI
 
 from calfsocket.contact.parameters import Contact
@@ -54,6 +53,8 @@ from calfsocket.simulation.record import CaseRecord, Checks, StateRecord
 from calfsocket.simulation.result import Result
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from calfsocket.export.case import ExportedCase
     from calfsocket.export.write import ExportFormat
 
@@ -655,8 +656,10 @@ def check(stepper: LoadStepper) -> Checks:
     )
 
 
-def steps_table(steps: Sequence[LoadStep], checks: Checks | None = None) -> pd.DataFrame:
+def steps_table(steps: Sequence[LoadStep], checks: Checks | None = None) -> "pd.DataFrame":
     """Return load steps as a table; the negative modes are those of the last equilibrium."""
+    import pandas as pd
+
     values = attrgetter(*STEP_COLUMNS.values())
     table = pd.DataFrame([values(step) for step in steps], columns=list(STEP_COLUMNS))
     modes: list[Any] = [""] * len(steps)

@@ -14,7 +14,7 @@ from calfsocket.io.tables import FLOAT_FORMAT
 from calfsocket.parallel.first_rank import on_first_rank
 from calfsocket.postprocess.contact_line import ContactLine
 from calfsocket.postprocess.levels import NEARLY_ALL
-from calfsocket.simulation.design import Design, Group, Key
+from calfsocket.simulation.design import EVALUATED, Design, Group, Key
 from calfsocket.simulation.record import KEY
 from calfsocket.simulation.result import STATE
 from calfsocket.uncertainty.chaos import BAND, TRUSTED, Basis, fit
@@ -24,11 +24,6 @@ from calfsocket.uncertainty.shares import Explained, Shares
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-UNCERTAINTY_FILE = "uncertainty.csv"
-SHARES_FILE = "sobol.csv"
-PRESSURE_FILE = "contact_pressure_band.csv"
-EVALUATED = (UNCERTAINTY_FILE, SHARES_FILE, PRESSURE_FILE)
 
 AROUND = "contact_pressure_around"
 """Quantity of the skin: contact pressure at all angles together."""

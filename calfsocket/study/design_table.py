@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
@@ -12,12 +10,17 @@ from calfsocket.simulation.design import CHECK, DESIGN_FILE, FIT, PURPOSE, headi
 from calfsocket.simulation.record import CaseRecord
 from calfsocket.study.cases import Plan
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-def table(plan: Plan, records: Mapping[str, CaseRecord]) -> pd.DataFrame:
+
+def table(plan: Plan, records: Mapping[str, CaseRecord]) -> "pd.DataFrame":
     """Return one row a case of the design: what was drawn, and how the case ended.
 
     An input that does not reach a case is empty.
     """
+    import pandas as pd
+
     uncertain = plan.document.uncertainty
     assert uncertain is not None
     rows = []

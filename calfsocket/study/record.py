@@ -8,17 +8,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from calfsocket.io.errors import InputError
-from calfsocket.io.files import occupied, remove_unfinished, replacing, write_json
-from calfsocket.io.tables import remove_rows
+from calfsocket.io.files import occupied, remove_unfinished, write_json
+from calfsocket.io.tables import Rows, remove_rows
 from calfsocket.meshes import tags
 from calfsocket.meshes.levels import LimbLevels
 from calfsocket.meshes.limb import Limb
-from calfsocket.simulation import uncertain
 from calfsocket.simulation.checkpoint import CHECKPOINT_FILE, STAGE_FILES, conditions
-from calfsocket.simulation.design import DESIGN_FILE
+from calfsocket.simulation.design import DESIGN_FILE, EVALUATED
 from calfsocket.simulation.profile import PROFILE_FILE
 from calfsocket.simulation.record import LEVEL, RUN_FILE, CaseRecord, StudyRecord, read_run
 from calfsocket.simulation.results import KEY
@@ -29,7 +26,7 @@ from calfsocket.study.sweep_table import SWEEP_FILE
 
 CASES_FILE = "cases.csv"
 TABLES = (*restart.CASE_TABLES, *restart.STAGE_TABLES)
-FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, DESIGN_FILE, *uncertain.EVALUATED, CASES_FILE, RUN_FILE)
+FILES = (*TABLES, PROFILE_FILE, SWEEP_FILE, DESIGN_FILE, *EVALUATED, CASES_FILE, RUN_FILE)
 """Files of a study beside its cases' folders."""
 
 log = logging.getLogger(__name__)
@@ -63,7 +60,7 @@ class Recorder:
         again = tuple(case for case in plan.to_solve if case not in kept)
         self.to_solve = (*again, *self.on_second_mesh)
         records = {case.name: case.record for case in again}
-        for name in uncertain.EVALUATED:  # of fewer cases than there will be
+        for name in EVALUATED:  # of fewer cases than there will be
             (out / name).unlink(missing_ok=True)
         # A case that is solved again has no results until it reaches its full load again.
         for table in TABLES:
@@ -128,8 +125,7 @@ class Recorder:
         self._record = self._record.model_copy(update={"seconds": seconds})
         cases = self._record.cases
         write_json(self._out / RUN_FILE, self._record.model_dump(mode="json", exclude_none=True))
-        with replacing(self._out / CASES_FILE) as temporary:
-            cases_table(cases.values()).to_csv(temporary, index=False)
+        cases_table(cases.values()).write(self._out / CASES_FILE)
         if self._plan.document.uncertainty:
             design_table.write(self._out, self._plan, cases)
         if self._plan.parameters:
@@ -159,21 +155,21 @@ def laws_of_sets(plan: Plan) -> dict[str, dict[str, Any]]:
     return found
 
 
-def cases_table(records: Iterable[CaseRecord]) -> pd.DataFrame:
+def cases_table(records: Iterable[CaseRecord]) -> Rows:
     """Return the rows of cases.csv: how each case ended, and why."""
-    return pd.DataFrame(
-        [
-            {
-                "case": record.name,
-                **{name: record.columns[name] for name in LEVEL if name in record.columns},
-                "status": record.status,
-                "load": "" if record.load is None else record.load,
-                "message": record.message,
-                "warnings": "; ".join(record.warnings),
-            }
-            for record in records
-        ]
-    )
+    rows = [
+        {
+            "case": record.name,
+            **{name: record.columns[name] for name in LEVEL if name in record.columns},
+            "status": record.status,
+            "load": "" if record.load is None else record.load,
+            "message": record.message,
+            "warnings": "; ".join(record.warnings),
+        }
+        for record in records
+    ]
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    return Rows(columns, [[str(row.get(column, "")) for column in columns] for row in rows])
 
 
 @contextmanager

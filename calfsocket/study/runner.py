@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
 from mpi4py import MPI
 from rich.console import Console
 
@@ -37,6 +37,9 @@ from calfsocket.simulation.simulation import Monitor, Simulation, reported, step
 from calfsocket.study.cases import Case, Plan
 from calfsocket.study.record import Recorder
 from calfsocket.study.restart import digests
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 log = logging.getLogger(__name__)
 
@@ -294,14 +297,16 @@ class _CaseRunner(Monitor):
             if result.curve is not None:
                 self._merge(CURVE_FILE, result.curve)
 
-    def _summary(self, state: Result) -> pd.DataFrame:
+    def _summary(self, state: Result) -> "pd.DataFrame":
         """Return the rows of a state in summary.csv."""
+        import pandas as pd
+
         shares = state.with_mesh_error(
             lambda of: shares_beyond(of.quantities, of.line, self._study.plan.thresholds)
         )
         return pd.concat([state.summary(), shares]) if len(shares) else state.summary()
 
-    def _merge(self, name: str, rows: pd.DataFrame) -> None:
+    def _merge(self, name: str, rows: "pd.DataFrame") -> None:
         """Put the case's rows into a table that all cases share."""
         named = of_case(rows, self._case.record)
         merge_csv(self._study.out / name, named, KEY, self._study.plan.order)

@@ -3,9 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from calfsocket.io.files import replacing
 from calfsocket.io.tables import FLOAT_FORMAT
@@ -18,6 +16,9 @@ from calfsocket.simulation.result import STATE
 from calfsocket.simulation.results import KEY, LEVELS_FILE, SUMMARY_FILE
 from calfsocket.study.cases import Plan
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SWEEP_FILE = "sweep.csv"
 
 _QUANTITY = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S+)\s*")
@@ -25,6 +26,8 @@ _QUANTITY = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S+)\s*")
 
 def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
     """Write the table of the cases so far, from summary.csv and levels.csv."""
+    import pandas as pd
+
     keys = dict.fromkeys(KEY, str)
     paths = folder / SUMMARY_FILE, folder / LEVELS_FILE
     summary, levels = (
@@ -37,7 +40,7 @@ def write(folder: Path, plan: Plan, records: Mapping[str, CaseRecord]) -> None:
         rows.to_csv(temporary, index=False, float_format=FLOAT_FORMAT)
 
 
-def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) -> pd.DataFrame:
+def table(plan: Plan, records: Mapping[str, CaseRecord], summary: "pd.DataFrame") -> "pd.DataFrame":
     """Return one row a case: names, parameters, results (empty until it is solved) and status.
 
     Results of the donned socket, and of the state after each stage of loading under its name; of
@@ -50,6 +53,8 @@ def table(plan: Plan, records: Mapping[str, CaseRecord], summary: pd.DataFrame) 
     summary
         As of `calfsocket.postprocess.mesh_error.with_levels`.
     """
+    import pandas as pd
+
     cases = [records[case.name] for case in plan.cases if case.name in records]
     rows: list[dict[str, Any]] = [{"case": case.name, **case.columns} for case in cases]
     for name in plan.parameters:
