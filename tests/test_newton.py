@@ -1,8 +1,5 @@
 """Full steps first, and a line search where they fail: on an equation with both in its range."""
 
-import gc
-from weakref import ref
-
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -63,20 +60,6 @@ def test_a_line_search_of_the_users_is_the_only_one():
         del options["calfsocket_snes_linesearch_type"]
     assert not result.converged
     assert [k for k, _ in norms].count(0) == 1
-
-
-def test_it_goes_when_nobody_holds_it_any_more():
-    """Not only when garbage is collected, of which petsc4py has no part in every release."""
-    solver = Newton(Arctangent(), full_steps_first=True)
-    solver.x.array[:] = FULL_STEPS_FAIL
-    assert solver.solve().converged
-    problem = ref(solver.problem)
-    gc.disable()
-    try:
-        del solver
-        assert problem() is None
-    finally:
-        gc.enable()
 
 
 class Parabola(Arctangent):

@@ -141,9 +141,9 @@ class Newton:
     def _create_snes(self, **changed: str) -> PETSc.SNES:
         snes = PETSc.SNES().create(self.x.getComm())
         snes.setOptionsPrefix(OPTIONS_PREFIX)
-        snes.setFunction(_without_hold(self._residual), self._f)
-        snes.setJacobian(_without_hold(self._tangent), self.tangent)
-        snes.setMonitor(_without_hold(self._record))
+        snes.setFunction(without_hold(self._residual), self._f)
+        snes.setJacobian(without_hold(self._tangent), self.tangent)
+        snes.setMonitor(without_hold(self._record))
         with defaults(**changed):
             snes.setFromOptions()
         if self.tangent.getType() == PETSc.Mat.Type.PYTHON:
@@ -291,12 +291,12 @@ class Newton:
             observe(self, snes, iteration, float(norm))
 
 
-def _without_hold(method: Callable[..., None]) -> Callable[..., None]:
+def without_hold(method: Callable[..., None]) -> Callable[..., None]:
     """Return a function that calls a method and does not keep its object.
 
-    PETSc keeps what it calls, where Python's garbage collector does not look in the wheel of
-    dolfinx 0.11: Newton's method and its SNES would keep each other for ever, and with them the
-    mesh, the factors, and 18 of the 2048 communicators that MPICH has.
+    So a solver that nobody holds any more is freed at once, with its mesh, its factors, and 18 of
+    the 2048 communicators that MPICH has: what PETSc calls lies where Python's garbage collector
+    does not look in the wheel of dolfinx 0.11, and elsewhere it looks late.
     """
     reference = WeakMethod(method)
 
