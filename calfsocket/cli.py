@@ -9,7 +9,8 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from functools import cache
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import calfsocket
 from calfsocket.commands import BAD_INPUT, CASE_FAILED, OK, Command, Task, study_files, tools
@@ -22,6 +23,9 @@ from calfsocket.commands.socket import socket
 from calfsocket.commands.study import run, study
 from calfsocket.io.errors import CalfsocketError, InputError
 from calfsocket.parallel.abort import abort_all, all_arrive, exit_code, handle_termination
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 PROGRAM = "python3 -m calfsocket"
 
@@ -139,8 +143,7 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
         petsc4py.init(["calfsocket", *petsc])
     from mpi4py import MPI
 
-    comm = MPI.COMM_WORLD
-    abort_comm = MPI.Intracomm(comm.Dup())
+    comm, abort_comm = MPI.COMM_WORLD, _abort_comm()
     handle_termination()
     try:
         return command.run(comm, arguments) or OK
@@ -158,6 +161,17 @@ def _with_mpi(command: Command, arguments: argparse.Namespace, petsc: list[str])
         abort_all(comm, message, code)
     print(message, file=sys.stderr)
     return code
+
+
+@cache
+def _abort_comm() -> "MPI.Intracomm":
+    """Return the communicator on which ranks wait for each other at the end of a command.
+
+    One for all commands of this process: MPI has few.
+    """
+    from mpi4py import MPI
+
+    return MPI.Intracomm(MPI.COMM_WORLD.Dup())
 
 
 def _refuse(error: InputError, first: bool) -> int:

@@ -1,4 +1,7 @@
-"""Bodies without contact: prescribed displacements, loads, an elastic foundation."""
+"""Bodies: prescribed displacements, loads, an elastic foundation, and what is left of them."""
+
+import gc
+from weakref import ref
 
 import pytest
 import ufl
@@ -10,7 +13,7 @@ from calfsocket.mechanics.foundation import Foundation
 from calfsocket.mechanics.problem import Problem
 from calfsocket.mechanics.stepping import LoadStepper, LoadSteps
 from calfsocket.meshes.rings import ring_mesh
-from ring_model import describe_pulled, pulled_rings
+from ring_model import describe_pulled, pulled_rings, solved_ring
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +26,18 @@ def test_what_is_prescribed_is_reached_in_few_iterations_and_balanced(one):
     assert abs(one["torque"]) > 1e-3
     assert abs(one["both"]) < 1e-8
     assert one["modes"] == 0
+
+
+def test_nothing_keeps_what_was_solved():
+    """Even without garbage collection, in which petsc4py has no part in every release."""
+    gc.disable()
+    try:
+        stepper = solved_ring(MPI.COMM_SELF)
+        problem = ref(stepper.problem)
+        del stepper
+        assert problem() is None
+    finally:
+        gc.enable()
 
 
 def test_a_body_force_is_held_by_its_foundation():

@@ -60,12 +60,12 @@ def verify(comm: Comm, arguments: Namespace) -> int:
     if comm.size > 1:
         raise InputError("verify: runs on one rank; start it without mpirun")
     subjects = chosen_subjects(arguments.only.split(",") if arguments.only else SUBJECTS)
+    sizes = coarsest_first(arguments.size.split(","))
     if "peer" in subjects and (missing := peer.missing()):
         if arguments.only:
             raise InputError(f"verify --only peer: {missing}")
         print(f"verify: the section peer is left out: {missing}")
         subjects.remove("peer")
-    sizes = coarsest_first(arguments.size.split(","))
     precompile(comm)
     limb = {"limb": {"sizes": sizes, "results": arguments.results}}
     return OK if write_page(arguments.out, subjects, limb) else CASE_FAILED

@@ -24,7 +24,7 @@ from calfsocket.imaging.section import (
     xyz,
 )
 from calfsocket.imaging.source import sha256
-from calfsocket.imaging.surface import Shell, check_size, read_shells
+from calfsocket.imaging.surface import Shell, as_surface, check_size, read_shells
 from calfsocket.io.errors import InputError, error_context
 from calfsocket.meshes import socket as meshes
 from calfsocket.meshes.curves import Array
@@ -79,7 +79,7 @@ def read_socket_scan(path: Path | str, units: str = "mm") -> SocketScan:
         raise InputError(
             f"{path}: has {len(large)} surfaces that are not one in the other; give one socket"
         )
-    surface = pyvista.merge([each.surface for each in large]).extract_surface()
+    surface = as_surface(pyvista.merge([each.surface for each in large]))
     if len(large) == 2:
         least = min(large, key=lambda each: _radius(each.surface))
         return SocketScan(path, surface, _facing_out(least.surface), True)
@@ -145,7 +145,7 @@ def _inner_face(surface: pyvista.PolyData) -> tuple[pyvista.PolyData, bool]:
     corners = points[turned.faces.reshape(-1, 4)[:, 1:]]
     volume = np.linalg.det(corners).sum()
     to_axis = radial * np.sign(volume) < -0.2
-    face = turned.extract_cells(np.flatnonzero(to_axis)).extract_surface()
+    face = as_surface(turned.extract_cells(np.flatnonzero(to_axis)))
     return _as_seen_from(face, behind=bool(volume > 0)), True
 
 

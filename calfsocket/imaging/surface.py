@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,12 @@ WIDTH = (40.0, 400.0)
 _SAME = 1e-4
 #: Parts of a file with fewer triangles than this are debris: fewer do not close a bone.
 _FEWEST_TRIANGLES = 20
+#: The one algorithm that pyvista has in Debian 13, which later releases want to be named.
+_ALGORITHM = (
+    {"algorithm": "dataset_surface"}
+    if "algorithm" in signature(pyvista.DataSetFilters.extract_surface).parameters
+    else {}
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +173,11 @@ READERS: Mapping[str, Callable[[Path], tuple[Array, np.ndarray]]] = {
 }
 
 
+def as_surface(cells: pyvista.DataSet) -> pyvista.PolyData:
+    """Return the faces of cells that only one of them has."""
+    return cells.extract_surface(**_ALGORITHM)
+
+
 def _separated(path: Path, surface: pyvista.PolyData) -> list[Shell]:
     labelled = surface.connectivity()
     label = labelled.cell_data["RegionId"]
@@ -173,7 +185,7 @@ def _separated(path: Path, surface: pyvista.PolyData) -> list[Shell]:
     for number in range(int(label.max()) + 1):
         cells = np.flatnonzero(label == number)
         if len(cells) >= _FEWEST_TRIANGLES:
-            shells.append(labelled.extract_cells(cells).extract_surface().triangulate())
+            shells.append(as_surface(labelled.extract_cells(cells)).triangulate())
     if not shells:
         raise InputError(
             f"{path}: has {surface.n_cells} triangles, which make no surface of a limb"

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
+from weakref import WeakMethod
 
 import numpy as np
 from petsc4py import PETSc
@@ -140,9 +141,9 @@ class Newton:
     def _create_snes(self, **changed: str) -> PETSc.SNES:
         snes = PETSc.SNES().create(self.x.getComm())
         snes.setOptionsPrefix(OPTIONS_PREFIX)
-        snes.setFunction(self._residual, self._f)
-        snes.setJacobian(self._tangent, self.tangent)
-        snes.setMonitor(self._record)
+        snes.setFunction(without_hold(self._residual), self._f)
+        snes.setJacobian(without_hold(self._tangent), self.tangent)
+        snes.setMonitor(without_hold(self._record))
         with defaults(**changed):
             snes.setFromOptions()
         if self.tangent.getType() == PETSc.Mat.Type.PYTHON:
@@ -288,6 +289,22 @@ class Newton:
             self._monitor(iteration, float(norm))
         for observe in self.observers:
             observe(self, snes, iteration, float(norm))
+
+
+def without_hold(method: Callable[..., None]) -> Callable[..., None]:
+    """Return a function that calls a method and does not keep its object.
+
+    So a solver that nobody holds any more is freed at once, with its mesh, its factors, and 18 of
+    the 2048 communicators that MPICH has: what PETSc calls lies where Python's garbage collector
+    does not look in the wheel of dolfinx 0.11, and elsewhere it looks late.
+    """
+    reference = WeakMethod(method)
+
+    def call(*arguments: Any) -> None:
+        if (alive := reference()) is not None:
+            alive(*arguments)
+
+    return call
 
 
 def _reason_name(reason: int) -> str:

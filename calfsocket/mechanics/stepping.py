@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from calfsocket.io.errors import ConvergenceError
 from calfsocket.mechanics.diagnosis import explain, last_iterate, observe
 from calfsocket.mechanics.load_steps import LoadSteps
-from calfsocket.mechanics.newton import Newton, NewtonResult
+from calfsocket.mechanics.newton import Newton, NewtonResult, without_hold
 from calfsocket.mechanics.problem import Problem
 
 SMOOTH = 0.06
@@ -121,7 +121,8 @@ class LoadStepper:
         self._on_step = on_step
         self.on_milestone = on_milestone
         self._target = 0.0
-        self.newton = Newton(problem, self._monitor, full_steps_first, problem.active_set)
+        monitor = without_hold(self._monitor)
+        self.newton = Newton(problem, monitor, full_steps_first, problem.active_set)
 
     def run(self, start: Milestone | None = None, advance: Advance | None = None) -> None:
         """Raise the load to 1 (collective).

@@ -359,7 +359,8 @@ class Result:
             if (path := folder / LINER_FILE).is_file():
                 lining = ContactLine.from_table(pd.read_csv(path, float_precision="round_trip"))
             path = folder / STEPS_FILE
-            steps = pd.read_csv(path, float_precision="round_trip").fillna({"reason": ""})
+            steps = pd.read_csv(path, float_precision="round_trip", dtype={"reason": str})
+            steps = steps.fillna({"reason": ""})
             curve = None
             if record.states:
                 path = folder / CURVE_FILE
