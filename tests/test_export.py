@@ -445,6 +445,16 @@ def test_names_begin_with_a_letter_and_have_no_points(plain):
     )
 
 
+def test_steps_of_stages_with_like_names_have_names_of_their_own(plain):
+    """Abaqus takes no points, and no capitals for other letters."""
+    stages = tuple(Stage(name=name, force={"x": 0.1}) for name in ("push.x", "PUSH_X"))
+    case = replace(plain, loading=Loading(stages=stages))
+    text = keywords.deck(case, keywords.ABAQUS)[0]
+    decks.read(text, "abaqus")
+    names = re.findall(r"^\*STEP.*NAME=([^,]+)", text, re.MULTILINE)
+    assert names[-2:] == ["push_x", "PUSH_X-2"]
+
+
 # -- files ------------------------------------------------------------
 
 STUDY = '[study]\nsockets = ["TSB", "HS"]\nmaterials = ["combined"]\n[model]\nsize = "coarse"\n'

@@ -7,6 +7,7 @@ CalculiX of itself, as the face-to-face contact of its first step does.
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
@@ -97,6 +98,7 @@ class _Writer:
         self.case, self.dialect = case, dialect
         self.remarks: list[str] = []
         self._number = 0
+        self._steps_of: Counter[str] = Counter()
         self._is_abaqus = dialect is ABAQUS
 
     def lines(self) -> Iterator[str]:
@@ -402,12 +404,19 @@ class _Writer:
 
     def _step(self, name: str, increments: Sequence[float]) -> Iterator[str]:
         first, smallest, largest = increments
-        options = f", NAME={_label(name)}, UNSYMM=YES" if self._is_abaqus else ""
+        options = f", NAME={self._step_name(name)}, UNSYMM=YES" if self._is_abaqus else ""
         nonlinear = "NLGEOM=YES" if self._is_abaqus else "NLGEOM"
         yield f"** step {name}"
         yield f"*STEP, {nonlinear}, INC={MOST_INCREMENTS}{options}"
         yield "*STATIC"
         yield ", ".join(map(_number, [first, 1.0, smallest, largest]))
+
+    def _step_name(self, name: str) -> str:
+        """Return a name that no other step has; capitals are no other letters for Abaqus."""
+        label = _label(name)
+        self._steps_of[label.upper()] += 1
+        count = self._steps_of[label.upper()]
+        return label if count == 1 else f"{label}-{count}"
 
     def _donning(self) -> Iterator[str]:
         if self._is_widened:
