@@ -57,9 +57,17 @@ COMMANDS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
-    gc.set_threshold(GARBAGE)
     # Looking for plugins in all packages that are installed takes longer than any model.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    before = gc.get_threshold()
+    gc.set_threshold(GARBAGE)
+    try:
+        return _run(argv)
+    finally:
+        gc.set_threshold(*before)
+
+
+def _run(argv: Sequence[str] | None) -> int:
     words, petsc = _split_petsc(list(sys.argv[1:] if argv is None else argv))
     command = COMMANDS[words.pop(0)] if words and words[0] in COMMANDS else study
     first = _launched_rank() == 0

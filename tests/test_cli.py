@@ -1,5 +1,6 @@
 """The command line as a person meets it: help, bad input, exit codes."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -61,6 +62,13 @@ def test_what_solves_a_study_waits_for_no_table():
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout == "set()\n"
+
+
+def test_a_command_leaves_pythons_garbage_collector_as_it_was(capsys):
+    before = gc.get_threshold()
+    assert cli.main(["schema"]) == 0
+    capsys.readouterr()
+    assert gc.get_threshold() == before
 
 
 @pytest.mark.parametrize(

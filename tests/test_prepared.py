@@ -1,6 +1,8 @@
 """Cases of one geometry share mesh, problem and analysis; each has the digits that it has alone."""
 
+import gc
 import json
+import weakref
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,7 +22,7 @@ from calfsocket.parallel.scheduler import FREE, chosen
 from calfsocket.simulation import simulation
 from calfsocket.simulation.prepared import Prepared
 from calfsocket.simulation.simulation import Monitor, Simulation
-from tiny_study import tiny_limb, tiny_socket
+from tiny_study import tiny_limb, tiny_socket, tiny_study
 
 COMBINED = MaterialSet.paper("combined")
 STIFF = COMBINED.replace(fat=COMBINED.laws["fat"].model_copy(update={"mu": (0.02,)}))
@@ -140,3 +142,22 @@ def test_a_group_goes_on_with_the_geometry_that_it_has():
     assert given_out([0, 1, 2, 0, 1, 2, 2], [0, 1, 0, 1, 0, 1, 1, 0]) == [0, 1, 3, 4, 2, 5, 6, -1]
     assert given_out([0, 0, 0, 0], [0, 1, 1, 0, 1]) == [0, 1, 2, 3, -1]
     assert given_out([0, 1, 2], [0, 0, 0]) == [0, 1, 2]
+
+
+def test_a_study_leaves_the_garbage_of_its_caller_to_be_collected(tmp_path):
+    """A notebook's failed cases, with their meshes and communicators, are not kept for ever."""
+
+    class Cycle:
+        pass
+
+    gc.disable()
+    try:
+        cycle = Cycle()
+        cycle.itself = cycle
+        reference = weakref.ref(cycle)
+        del cycle
+        tiny_study(tmp_path / "results", sockets=("A",)).run()
+        gc.collect()
+        assert reference() is None
+    finally:
+        gc.enable()

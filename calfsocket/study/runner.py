@@ -132,13 +132,16 @@ class Runner:
             scheduler = Scheduler(self.comm, families, self.ranks_per_case, on_report)
             prepared = Prepared()
             gc.freeze()  # what is there by now stays, and need not be searched after each case
-            while (number := scheduler.next_case()) is not None:
-                case = cases[number]
-                runner = _CaseRunner(self, scheduler, case, prepared, case.name in solved)
-                scheduler.report(runner.attempt(resume))
-                if families.count(families[number]) == 1:
-                    prepared.forget()
-                gc.collect()
+            try:
+                while (number := scheduler.next_case()) is not None:
+                    case = cases[number]
+                    runner = _CaseRunner(self, scheduler, case, prepared, case.name in solved)
+                    scheduler.report(runner.attempt(resume))
+                    if families.count(families[number]) == 1:
+                        prepared.forget()
+                    gc.collect()
+            finally:
+                gc.unfreeze()  # whoever called may have had garbage
             scheduler.finish()
 
 
