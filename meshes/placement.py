@@ -202,24 +202,11 @@ def askew(socket: Socket, limb: Limb) -> str | None:
     if np.std(here) <= UNEVEN:
         return None
     middle, centre = (np.array(shapely.Polygon(each).centroid.coords[0]) for each in (skin, face))
-
-    def at(mirrored: bool, degrees: float) -> Array:
-        """Return the overlaps with the socket's middle on the limb's."""
-        turn = np.radians(degrees)
-        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-        arms = (face - centre) * [-1.0 if mirrored else 1.0, 1.0]
-        return _overlap(skin, arms @ axes + middle)
-
-    coarse = [(mirrored, turn) for mirrored in (False, True) for turn in TURNS]
-    best = min(coarse, key=lambda place: float(np.std(at(*place))))
-    fine = [(best[0], best[1] + more) for more in FINE_TURNS]
-    best = min(fine, key=lambda place: float(np.std(at(*place))))
-    there = at(*best)
+    mirrored, turn, there = _most_even(skin - middle, face - centre)
     if np.std(there) >= MORE_EVEN * np.std(here):
         return None
-    turn = (best[1] + 180) % 360 - 180
     x, y = np.round(middle - centre, 1) + 0.0
-    words = ["mirrored"] * best[0]
+    words = ["mirrored"] * mirrored
     words += [f"turned by {turn} degrees about its middle"] * (turn != 0)
     words += [f"moved by ({x:g}, {y:g}) mm"] * bool(x or y)
     return (
@@ -227,6 +214,30 @@ def askew(socket: Socket, limb: Limb) -> str | None:
         f" inside the skin; {' and '.join(words)} it would be from {there.min():.1f} to"
         f" {there.max():.1f} mm inside it; check the axes of its file"
     )
+
+
+def _most_even(skin: Array, face: Array) -> tuple[bool, int, Array]:
+    """Find where a face lies most evenly in the skin, both about their middles.
+
+    Returns
+    -------
+    mirrored, turn, overlap
+        Whether it is mirrored, by how many degrees it is turned, and the overlaps there, mm.
+    """
+
+    def at(place: tuple[bool, int]) -> Array:
+        mirrored, degrees = place
+        turn = np.radians(degrees)
+        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        return _overlap(skin, (face * [-1.0 if mirrored else 1.0, 1.0]) @ axes)
+
+    def unevenness(place: tuple[bool, int]) -> float:
+        return float(np.std(at(place)))
+
+    coarse = [(mirrored, turn) for mirrored in (False, True) for turn in TURNS]
+    mirrored, turn = min(coarse, key=unevenness)
+    best = min(((mirrored, turn + more) for more in FINE_TURNS), key=unevenness)
+    return mirrored, (best[1] + 180) % 360 - 180, at(best)
 
 
 def _room_left(limb: Limb, surface: ClosedCurve, face: ClosedCurve) -> float:

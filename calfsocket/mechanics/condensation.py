@@ -37,7 +37,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 INSIDE, OUTSIDE = 5, 13
-ON_EDGE = 6
 _BUBBLE = slice(12, 14)
 # Unknowns of a cell that stay outside, with the constant pressure in the place of the first one,
 # and those inside.
@@ -123,7 +122,8 @@ class CondensedTangent:
         self._keeps_constant = layout.keeps_constant[: len(self._inside)].astype(np.uint8)
         self._vector = la.vector(layout.outside)
         if self._contact is not None:
-            n, on_both = len(layout.skin_cells), 2 * ON_EDGE
+            n, on_skin = layout.skin_numbers.shape
+            on_both = on_skin + layout.socket_numbers.shape[1]
             self._contact_edge = np.full(n, -1)
             self._contact_rows = np.empty((n, on_both), dtype=np.int32)
             self._contact_positions = np.empty((n, on_both, on_both + OUTSIDE), dtype=np.int32)

@@ -392,7 +392,7 @@ class Simulation:
             frame=self.limb.frame,
             loading=self.loading,
             undersize=liner.undersize if liner else 0.0,
-            around=fitted(self.limb, self.socket, liner).bonded_to.direction if liner else None,
+            around=self._fit.bonded_to.direction if liner else None,
         )
 
     def _mesh(self, monitor: Monitor, prepared: Prepared) -> SectionMesh:
