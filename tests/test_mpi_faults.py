@@ -43,7 +43,7 @@ def _marked(trial: Trial, slow: bool) -> object:
 
 
 CASES = (
-    ends("compiling, first rank", "calfsocket.simulation.precompile:_use_all_forms", (0,)),
+    ends("compiling, first rank", "calfsocket.simulation.precompile:_compile", (0,)),
     agrees("mesh, first rank", "calfsocket.meshes.section:build", (0,)),
     ends("mesh, second rank", "calfsocket.meshes.distributed:SectionMesh", (1,)),
     ends("set-up, first rank", "calfsocket.contact.interface:surface_region", (0,)),
